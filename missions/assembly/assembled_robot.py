@@ -68,7 +68,7 @@ class AssembledRobot:
 
     @property
     def moving_parts(self) -> tuple[str, ...]:
-        """Parts with actuators."""
+        """Names of the parts with actuators: those that a stop reaches, except the voice."""
         return tuple(part for part in self.stoppable_parts if part not in SOUND_KINDS)
 
     def open(self) -> None:

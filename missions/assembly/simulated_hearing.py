@@ -69,7 +69,7 @@ class TextEars:
         self._twin.close()
 
     def health(self) -> Health:
-        """Return whether the ears listen."""
+        """Return the health of the ears: whether they listen."""
         return self._twin.health()
 
     def hear(self, reply: PersonReply) -> None:

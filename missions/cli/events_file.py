@@ -18,7 +18,8 @@ class EventsFile:
     """Writer of the events of a run to ``path``, readable by its owner only.
 
     Add its attribute ``lines`` to the listeners of the run. If the new file cannot be written completely, an earlier
-    file keeps its name, and ``path`` is changed to the name of the incomplete one. Raises click.BadParameter.
+    file with the name ``path`` is kept. The incomplete file then has another name, which is stored in ``path``. Raises
+    click.BadParameter.
     """
 
     def __init__(self, path: Path) -> None:

@@ -54,7 +54,7 @@ FORM_OF_SUFFIX: Mapping[str, str] = {
     ".mmd": "mermaid",
     **{f".{form}": form for form in ("json", "svg", "png", "html") if form in TREE_FORMS},
 }
-"""Output format for each file suffix."""
+"""Output format of `mission show` for each file suffix, such as "dot" for ".gv"."""
 
 NO_RECORD = "a mission has no times, unlike a record\n  try: mission run {name} --record {stem}.mcap, then show that"
 NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"

@@ -269,9 +269,9 @@ class CommandHandler:
         return outcome
 
     def kill_if_overdue(self, now: float) -> None:
-        """Send SIGTERM to a run that did not end in time.
+        """Send SIGTERM to this process if its run has not ended in time after the command `halt`.
 
-        If the signal has its default handler, as in a user's own program, it is not sent: it would end the process with
+        It is not sent if SIGTERM has its default handler, as in a user's own program: that would end the process with
         the robot still open.
         """
         if now >= self.kill_at:

@@ -14,10 +14,10 @@ from drivers.api.fast_dataclass import dataclass
 from missions.codec import MAX_INTEGER, Bound, CodecError, Rules, UnknownTagError, decode_tagged, parse
 
 COMMAND_KEY = "do"
-"""JSON key of the command word."""
+"""JSON key of the word that names a command, as in ``{"do": "stop"}``."""
 
 MAX_COMMAND_BYTES = 64 * 1024
-"""Maximum length of a command."""
+"""Maximum length of a client's command in bytes."""
 
 CODEC_RULES = Rules(
     max_text=4096,

@@ -83,8 +83,9 @@ def _hold_process_name(*, simulated: bool) -> Iterator[None]:
 def hold_robot(robot: str, *, simulated: bool) -> Iterator[None]:
     """Let `mission stop` end the present command by SIGTERM while it moves a robot.
 
-    Open the robot inside this context, and enter the context where SIGTERM raises an exception: so the robot is closed
-    before the message about the stop is printed. Raises NoStop if a real robot would move that no stop can reach.
+    Open the robot inside this context, and convert SIGTERM to an exception before you enter it. Then the exception
+    closes the robot first, and the context prints the message about the stop afterwards. Raises NoStop if a real robot
+    would move that no stop can reach.
     """
     name = _command_name()
     by: list[str] = []

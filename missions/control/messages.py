@@ -10,7 +10,7 @@ from missions.codec import encode_tagged
 from missions.control.commands import CODEC_RULES, Role
 
 MESSAGE_KEY = "say"
-"""JSON key of the message word."""
+"""JSON key of the word that names a message to a client, as in ``{"say": "state"}``."""
 
 PROTOCOL_VERSION = 2
 """Version of the protocol; increased if older clients would fail."""

@@ -117,7 +117,7 @@ def _uptime() -> int:
 NOTE_SUFFIX = ".note"
 
 MAX_NOTE_CHARACTERS = 1 << 16
-"""Maximum length of a note."""
+"""Maximum number of characters of the first line of a note file, which describes the process."""
 
 END_TIMEOUT = 5.0
 """Seconds that a command has to bring its actuators to rest and close them."""
@@ -147,7 +147,7 @@ class RobotHolder:
 
     @property
     def description(self) -> str:
-        """Description for people."""
+        """Process number, mission or command, and robot, as text for people."""
         return f"{self.process}: {self.name} on {self.robot}" + (
             f" (simulated, {self.simulated})" * bool(self.simulated)
         )

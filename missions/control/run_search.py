@@ -33,7 +33,7 @@ class StopWarning:
 
     @property
     def message(self) -> str:
-        """Text for people."""
+        """Reason and hint as text for people."""
         return f"perhaps not stopped: {self.reason}\n  try: {self.hint}"
 
 
@@ -157,7 +157,10 @@ class FoundProcess:
 
     @property
     def description(self) -> str:
-        """Description for people."""
+        """Process number, mission or command, and robot, as text for people.
+
+        Without a note file, only the process number and its kind are known.
+        """
         if self.holder is not None:
             return self.holder.description
         return f"{self.run}: {'a command' if self.is_command else 'a run'}"
@@ -315,7 +318,7 @@ def warning_for(subject: str, error: OSError) -> StopWarning:
 
 
 def error_text(error: OSError) -> str:
-    """Return the text of an error."""
+    """Return the text of an operating system error without its number and path."""
     return error.strerror or str(error)
 
 

@@ -61,7 +61,7 @@ HEAD_SPEED = radians(60)
 """Turn rate of the head at full input, in rad/s."""
 
 RELEASE_HINT = "mission stop --release --resume, or “Hold to release” on the page"
-"""Hint while a stop is latched."""
+"""Hint how to release a stop, in the error for a command that is refused while a stop is latched."""
 
 MAX_TURN_TIME = 0.1
 """Maximum seconds that one command turns the head."""
@@ -127,7 +127,7 @@ class WheelArbiter:
 
     @property
     def driver(self) -> str:
-        """Name of the driver; empty without one."""
+        """Name of the client that has control of the wheels; empty if no client has it."""
         return "" if self._driver is None else self._names[self._driver]
 
     @property

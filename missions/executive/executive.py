@@ -227,13 +227,13 @@ class Executive:
     """Ticks a tree at up to ``rate`` ticks a second, at once when woken, until it ends or is stopped.
 
     Ticks keep to an absolute schedule; ``Run.wake`` brings the next one forward. ``tick`` may also be called without
-    the loop: for tests, simulated time and single steps. The ``guard`` is checked before each tick: if it returns a
-    reason, the tree is halted and fails.
+    the loop: for tests, simulated time and single steps. The ``guard``, which checks the base, is called before each
+    tick: if it returns a reason, the tree is halted and fails.
 
-    Each tick, each check of the guard while paused, and each step of the final halt is a snapshot: the time stands
-    still, and each part of the robot returns one value per query. For that, the parts need proxies with ``cache``.
-    ``observe`` passes the records of snapshots to observers; ``replay_tick`` repeats the decisions from such a record.
-    ``after_tick`` is called after each tick, on its thread.
+    Inputs are read in snapshots: during a snapshot the time stands still, and each part of the robot returns one value
+    per query. For that, the parts need proxies with ``cache``. A snapshot is a tick, a check of the guard while paused,
+    or a step of the final halt. ``observe`` passes the records of snapshots to observers; ``replay_tick`` repeats the
+    decisions from such a record. ``after_tick`` is called after each tick, on its thread.
     """
 
     def __init__(
@@ -484,5 +484,5 @@ class Executive:
             self.run.record_heartbeat()
 
     def emit_end(self, result: Result) -> None:
-        """Emit the end event."""
+        """Emit the event that the mission has ended with ``result``."""
         self.stream.emit(Ended(self.time(), result.mission, result.result, result.reason, result.seconds, result.ticks))

@@ -93,7 +93,7 @@ SWITCHES: Mapping[str, type[Switch]] = {
     SWITCH: Switch,
     REACTIVE_SWITCH: ReactiveSwitch,
 }
-"""Switch classes by word."""
+"""Classes of the two kinds of switches, by their word in the mission language."""
 
 
 def _format_case(value: object) -> str:

@@ -108,7 +108,7 @@ class HoldModifier(Modifier):
 
 
 class DelayModifier(Modifier):
-    """Waits before the node starts."""
+    """Waits for the time of the modifier before the node starts."""
 
     run_state = ("setting", "since")
 
@@ -274,14 +274,14 @@ class InvertModifier(Modifier):
 
 
 class OnFailureModifier(Modifier):
-    """Turns a failure into a success."""
+    """Turns a failure of the node into a success."""
 
     def conclude(self, status: Status) -> Status:
         return SUCCESS if status is FAILURE else status
 
 
 class OnSuccessModifier(Modifier):
-    """Turns a success into a failure."""
+    """Turns a success of the node into a failure."""
 
     def conclude(self, status: Status) -> Status:
         if status is SUCCESS:

@@ -19,7 +19,7 @@ OK: it works; WARN: it needs attention; ERROR: disconnected or refusing commands
 """
 
 MISSES_WINDOW = 2.0
-"""Seconds over which missed replies are counted."""
+"""Seconds over which the missed replies of a device are counted."""
 
 PICTURE_TIMEOUT = 2.0
 """Maximum age in seconds of the last processed picture."""

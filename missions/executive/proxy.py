@@ -179,7 +179,7 @@ class _ProxySourceWriter:
         }
 
     def lines(self) -> Iterator[str]:
-        """Yield the lines of the source."""
+        """Yield the source lines of the proxy class."""
         readings = [each.name for each in self._members if each.kind == "reading"]
         direct = [each.name for each in self._members if each.kind == "direct property"]
         optional = {each.name: each.protocol for each in self._members if each.kind == "capability"}

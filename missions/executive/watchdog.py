@@ -114,7 +114,7 @@ class Watchdog:
         self._stalled_at = 0.0
 
     def start(self) -> None:
-        """Start the thread."""
+        """Start the watchdog's thread."""
         if self._thread is None:
             self._done.clear()
             self._process = os.getpid()
@@ -122,7 +122,7 @@ class Watchdog:
             self._thread.start()
 
     def stop(self) -> None:
-        """Stop the thread. May be called more than once, in any state."""
+        """Stop the watchdog's thread. May be called more than once, in any state."""
         self.is_armed = False
         self._done.set()
         if self._thread is not None:
@@ -141,7 +141,7 @@ class Watchdog:
     def permit(self) -> None:
         """Raise DeviceFault if the running leaf must not move an actuator.
 
-        This is so for a leaf that blocks the tick, after the robot was stopped for it, and in a process that a leaf has
+        It must not if it blocks the tick and the robot was stopped for that, or if it runs in a process that a leaf has
         forked.
         """
         if self._process not in (None, os.getpid()):

@@ -101,7 +101,7 @@ class CheckContext:
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:
-        """Available leaves by tag."""
+        """Classes of the available leaves by tag, which is their name in missions."""
         return self.vocabulary.leaves
 
     @property

@@ -1,8 +1,8 @@
 """Definite assignment: variables that are not set on every path to where they are read.
 
-As in compilers, but over a behaviour tree: for each end of a node, the variables that may be unset, each with a
-shortest path. Unknown cases are left to ``mission verify``: reads behind a condition on a variable, reads whose failure
-is caught, and variables of concurrent nodes.
+It works as in compilers, but over a behaviour tree. For each result of a node (success, failure), it computes the
+variables that may be unset then, each with a shortest path on which it is unset. Unknown cases are left to ``mission
+verify``: reads behind a condition on a variable, reads whose failure is caught, and variables of concurrent nodes.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -139,7 +139,7 @@ class UnsetRead(NamedTuple):
 
     @property
     def events(self) -> Sequence[str]:
-        """Events of the path, in order."""
+        """Events of the path to the read, such as the failure of a step, in order."""
         found, way = list[str](), self.path
         while way is not None:
             found.append(way.text)

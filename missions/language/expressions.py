@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 
 
 MAX_LENGTH = 1000
-"""Maximum characters of an expression."""
+"""Maximum number of characters of an expression."""
 
 MAX_NESTING = 100
 """Maximum nesting depth of an expression: each part is read, checked and evaluated recursively."""
@@ -82,7 +82,7 @@ class NameReference:
 
     @property
     def dotted(self) -> str:
-        """Name and member as written."""
+        """Name and member as written, such as ``battery.percent``."""
         return f"{self.name}.{self.member}" if self.member else self.name
 
 

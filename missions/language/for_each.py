@@ -29,7 +29,7 @@ class ListMembers:
 
     @property
     def count(self) -> int:
-        """Number of members."""
+        """Number of members of the list."""
         return len(self.values)
 
     def member(self, place: int) -> object:

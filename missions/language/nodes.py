@@ -308,7 +308,7 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         child_ticks="afresh",
     ),
 }
-"""Modifiers, outermost first."""
+"""Modifiers by word; if a node has several, earlier ones enclose later ones."""
 
 NODES: Mapping[str, ParentKind | ModifierKind] = {**BRANCHES, **MODIFIERS}
 """All kinds of nodes except leaves, by word."""

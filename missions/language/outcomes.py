@@ -1,4 +1,4 @@
-"""Possible results (success, failure) of steps, to report unreachable steps and modifiers without effect."""
+"""Possible results (success, failure, skipped) of steps, to report unreachable steps and modifiers without effect."""
 
 from collections.abc import Sequence
 
@@ -156,7 +156,7 @@ def possible_ends(step: Step) -> Ends:
 
 
 def early_ends(step: Step) -> Ends:
-    """Return the results (success, failure) that a modifier can have before its child has ended."""
+    """Return the results (success, failure, skipped) that a modifier can have before its child has ended."""
     status = {"succeed": SUCCESS, "fail": FAILURE}.get(step.text)
     cut = MODIFIERS[step.kind].early_ends
     return cut if status is None or step.kind != "on_running" else cut & {status}
@@ -208,7 +208,7 @@ def _forever(step: Step) -> bool:
 
 
 def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
-    """Return the possible results (success, failure) of a parallel.
+    """Return the possible results (success, failure, skipped) of a parallel.
 
     They depend on those of its children (``below``), and on the counts beside it.
     """

@@ -306,8 +306,8 @@ Leaves = Named[str, type[Leaf]]
 def find_setters(node: Node, leaves: Leaves) -> dict[str, list[type[Leaf] | None]]:
     """Return the variables that are set below ``node``, each with the leaves that set it by ``as``.
 
-    The list contains None if the variable is also set in another way, with a value of any type: by ``returns``, by a
-    leaf such as ``set``, or by ``as`` beside a mission.
+    The leaves tell the type of the variable. None is among them if the variable may also get a value of any type: from
+    ``returns``, from a leaf such as ``set``, or from ``as`` beside a mission.
     """
     found = defaultdict(list)
     for name, leaf in _iter_setters(node, leaves):

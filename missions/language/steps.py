@@ -365,8 +365,8 @@ def _read_wait_for(context: CheckContext, key: Scalar, value: Node | None, shown
 def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:
     """Return the leaf class bound to the parts that its arguments ``values`` name, such as ``arm: right_arm``.
 
-    If two arguments name parts of one kind, the leaf sees the first as its only part of that kind, and the second as an
-    additional part.
+    The leaf then uses ``right_arm`` as if it were the robot's only arm. If a second argument names another part of the
+    same kind, the leaf gets that as an additional part.
     """
     of_parts = [argument for argument in leaf.arguments.values() if argument.kind in REPEATABLE_KINDS]
     for place, argument in enumerate(of_parts):

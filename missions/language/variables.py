@@ -94,7 +94,10 @@ def _names_read(what: object) -> set[str]:
 
 
 def _setters(step: Step) -> Iterator[tuple[str, Value | Kind | Callable[[Kinds], Kind]]]:
-    """Yield the variables that a step sets, each with its value, its kind, or a function that returns the kind."""
+    """Yield the variables that a step sets, each with the source of its kind (static type).
+
+    The source is the value of the variable, or the kind itself, or a function that returns the kind.
+    """
     if step.kind == MISSION:
         results = return_kinds(step)
         if step.output_variable is None:

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
 
 ENTRY_POINT_GROUP = "missiontree.drivers"
-"""Group of entry points with drivers."""
+"""Group of entry points by which distributions offer drivers."""
 
 
 class DriverTable:

@@ -1,8 +1,8 @@
 """Leaves of MissionTree, of installed packages, and of the user's behaviour files.
 
-A package offers leaves by entry points of the group ``missiontree.behaviours``, each for a class or a module. In a
-module or a file, all classes defined there are used whose names do not begin with ``_``: leaves with a ``word``, and
-plain behaviours of py_trees.
+A package offers leaves by entry points of the group ``missiontree.behaviours``, each for a class or a module. A module
+or a file offers the classes that are defined in it and whose names do not begin with ``_``. They can be leaves with a
+``word``, or plain behaviours of py_trees.
 """
 
 import ast

@@ -129,7 +129,7 @@ if __name__ == "__main__":
 MAX_BYTES = 20_000_000
 
 READING_TIMEOUT = 60.0
-"""Seconds to read a workbook."""
+"""Seconds within which a workbook must have been read."""
 
 _COMMA = re.compile(r"[-+]?[0-9]*,[0-9]+(?:[eE][-+]?[0-9]+)?")
 

@@ -170,7 +170,7 @@ class LocalRobot:
                 return
 
     def _read(self, key: object) -> None:
-        """Read all pending messages of a run."""
+        """Read all messages that the run with this ``key`` has sent."""
         try:
             while True:
                 message = self._links[key].receive()

@@ -1,7 +1,7 @@
 """Execution of fleet tasks: accepted task IDs are stored beside the robot's own queue, which runs the tasks.
 
-A task is on the disk before it is accepted. It begins only after its allocator has confirmed, in reply to a request
-that the robot has just sent, that the robot still has it. So a delayed message starts nothing.
+A task is on the disk before it is accepted. Before a task begins, the robot asks its allocator whether it still has the
+task, and waits for the reply. So a delayed message starts nothing.
 """
 
 import sqlite3
@@ -137,7 +137,7 @@ class TaskExecutor:
         return RobotActivity(open_ones[0].id, self._task_state(open_ones[0].task)[0], free=False)
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
-        """Accept or refuse a task; see FleetService."""
+        """Accept or refuse the task in a request; None for any other request, which another service answers."""
         if not isinstance(request, AcceptTask):
             return None
         if not TASK_ID_PATTERN.fullmatch(request.task) or not self._has_mission(request.mission):

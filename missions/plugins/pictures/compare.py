@@ -51,7 +51,7 @@ class TreeComparison:
 
     @property
     def summary(self) -> str:
-        """The number of differences as text."""
+        """Number of nodes by kind of difference, as text."""
         counts = [f"{self.count(change)} {change}" for change in ("changed", "added", "removed") if self.count(change)]
         return ", ".join(counts) or "no difference"
 

@@ -185,7 +185,7 @@ class _CardWriter:
         self._y += TITLE_HEIGHT
 
     def small(self, part: Part, texts: Iterable[str]) -> None:
-        """Add lines in the small font."""
+        """Add lines in the small font to the card."""
         for text in texts:
             self._write(part, text, BAND_WIDTH + CARD_PADDING, self._y + 12)
             self._y += SMALL_LINE_HEIGHT

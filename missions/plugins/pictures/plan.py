@@ -92,7 +92,7 @@ class _PlanDrawing:
         self._svg = ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **size})
 
     def document(self, name: str, summary: str) -> str:
-        """Return the complete drawing."""
+        """Return the complete plan as the text of an SVG document."""
         self._add("title").text = name
         self._add("style").text = _STYLE
         self._add("defs")

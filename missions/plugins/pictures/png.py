@@ -8,7 +8,7 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 PLOTS_MISSING = "a picture needs Matplotlib\n  try: pip install 'missiontree[plots]'"
-"""Error message without the extra ``plots``."""
+"""Error message if the extra ``plots`` is not installed."""
 
 DEFAULT_ZOOM = 2.0
 """Pixels of a PNG per unit of the SVG."""

@@ -131,7 +131,7 @@ class SvgCanvas:
         return SvgCanvas(group)
 
     def tooltip(self, text: str) -> None:
-        """Add a tooltip."""
+        """Add a tooltip, which is shown for all shapes of this group."""
         self._add("title").text = _clean(text)
 
     def text(self, kind: str, text: str, x: int, y: int) -> None:

@@ -71,7 +71,7 @@ class RunPublisher:
         self._thread = Thread(target=self._run, name="announcer", daemon=True)
 
     def open(self) -> None:
-        """Start the thread."""
+        """Start the thread that publishes the run."""
         self._thread.start()
 
     def __enter__(self) -> Self:
@@ -208,7 +208,7 @@ def make_run_publisher(robot: str | None, router: str | None, domain: int | None
 
 @contextmanager
 def publish_run(options: Ros2Options, session: RunSession) -> Iterator[None]:
-    """Publish a run to ROS 2."""
+    """Publish a run to ROS 2 within the context."""
     request = session.request
     with make_run_publisher(request.robot, options.ros2_router, request.ros2_domain) as announcer:
         session.listen(announcer)

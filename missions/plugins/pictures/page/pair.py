@@ -29,7 +29,7 @@ def header(title: str, summary: str, facts: list[str]) -> Markup:
 
 
 def pair_page(comparison: TreeComparison) -> str:
-    """Return the page of a comparison."""
+    """Return the HTML page of a comparison of two missions."""
     left, right = comparison.left, comparison.right
     title = f"{left.mission} and {right.mission}" if left.mission != right.mission else f"{left.mission}, two versions"
     bar = toolbar(

@@ -210,9 +210,9 @@ def _fields(state: JointState) -> Json:
 class ChunkSink(BytesIO):
     """Buffer that ``flush`` writes to the file descriptor ``fd`` completely or not at all.
 
-    After a full disk, a size limit or an I/O error the file is as after the last successful flush, ``error`` has the
-    exception of the newest flush, and the buffer is lost. Positions are those in the file. The sink never closes
-    ``fd``.
+    If the disk is full, the file reaches a size limit, or an I/O error occurs, the buffer is lost, and the file stays
+    as after the last successful flush. ``error`` has the exception of the newest flush. Positions are those in the
+    file. The sink never closes ``fd``.
     """
 
     def __init__(self, fd: int) -> None:
@@ -317,7 +317,7 @@ class MessageBuilder:
         return RecordMessage("/lost", t, dumps({"t": t, "counts": dict(counts), "why": reason}))
 
     def messages(self, item: Any) -> Iterator[RecordMessage]:
-        """Yield the messages of an item."""
+        """Yield the messages that an item of the run becomes in the record."""
         match item:
             case TickRecord():
                 yield RecordMessage("/moments", item.t, self._tick_encoder.encode(item))

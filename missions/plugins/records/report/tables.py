@@ -27,7 +27,7 @@ LogRow = tuple[float, str, str]
 
 
 def faults_table(record: RunRecord, slider: SliderTimes) -> Markup:
-    """Return the table of faults and reflexes."""
+    """Return the HTML table of faults and reflexes, of which each time is a button."""
     rows: list[LogRow] = [
         (
             event.t,
@@ -65,7 +65,7 @@ def _speaker_and_text(event: Logged | Notified) -> tuple[str, str]:
 
 
 def sightings_table(sightings: Sequence[SightingSummary], slider: SliderTimes) -> Markup:
-    """Return the table of tracked percepts."""
+    """Return the HTML table of tracked percepts."""
     heads = ("Percept", "Appeared", "From", "To", "Found in", "Nearest")
     rows = [
         tag(

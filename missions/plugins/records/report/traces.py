@@ -152,7 +152,7 @@ class Chart:
 
     @property
     def values(self) -> list[float]:
-        """All values of all lines."""
+        """All values of all lines of the chart."""
         return [value for line in self.lines for _, value in line.points]
 
 

@@ -18,7 +18,7 @@ TICK_LATE, TICK_WORK = "tick: late", "tick: at work"
 PICTURE_SEARCH, PICTURE_TO_PERCEPTS = "picture: searched in", "picture to percepts"
 
 MOTION_COMMANDS = frozenset({("base", "drive"), ("head", "look"), ("arm", "move")})
-"""Commands, as (part, method), that start a motion: a reaction time ends when one of these is sent."""
+"""Commands that start a motion, as (part, method): reaction times are measured up to them."""
 
 _COUNTERS: Any = Mapping[str, Mapping[str, int]]
 

@@ -47,7 +47,7 @@ class NodeLabel(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class TimeQuantiles:
-    """Quantiles of durations or delays, in seconds."""
+    """Number, quantiles (median, 95 %, 99 %) and maximum of durations or delays, in seconds."""
 
     count: int
     median: float

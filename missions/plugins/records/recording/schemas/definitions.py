@@ -438,4 +438,4 @@ MISSIONTREE_SCHEMAS: Mapping[str, Schema] = {
         ),
     ),
 }
-"""Our message schemas by name."""
+"""JSON Schemas of MissionTree's own messages, by name."""
