@@ -178,9 +178,9 @@ class ForEach(Parent, Decorator):
         self.feedback_message = f"{self._place + 1} of {self.setting.count}: {self._describe_member()}"
 
     def _describe_member(self) -> str:
-        """Return the member as text, or its number if it is not a plain value."""
+        """Return the member as text, or its number if it is a result of a leaf."""
         member = self.setting.member(self._place)
-        text = " ".join(format_value(member).split()) if isinstance(member, str | int | float | None) else ""
+        text = " ".join(format_value(member).split()) if isinstance(member, str | int | float | Mapping | None) else ""
         if not text:
             return f"member {self._place + 1}"
         return text if len(text) <= MAX_SHOWN_LENGTH else f"{text[: MAX_SHOWN_LENGTH - 1]}…"

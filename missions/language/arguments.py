@@ -28,6 +28,8 @@ from missions.language.expressions import (
     is_calculation,
     parse,
 )
+from missions.language.kinds import ListKind
+from missions.language.lists import default_value
 from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.nodes import MISSION
 from missions.language.operators import describe_value
@@ -262,32 +264,40 @@ def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) 
     return replace(node, value=default_value(node)) if argument.kind == "value" else node
 
 
-def default_value(node: Scalar) -> str | float | bool | None:
-    """Return the value of a scalar whose type the mission does not declare.
-
-    A text without quotes that looks like a quantity, such as ``30 cm``, becomes one.
-    """
-    found = None if node.quoted else parse_quantity(node.text)
-    return node.value if found is None else found
-
-
 def _read_span(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:
+    """Read the two ends of a span, each of which may be a param; or a param that holds both."""
     example = f"two values, such as [{quantity_text(0, argument.kind)}, {EXAMPLES[argument.kind]}]"
-    if not isinstance(node, Listing) or len(node.items) != 2:
+    one = replace(argument, span=False)
+    if isinstance(node, Scalar) and "${" in node.text:
+        ends = [context.read_value(node, label, partial(_span, one, example), ListKind(argument.kind))]
+        found = ends[0].constant
+    elif isinstance(node, Listing) and len(node.items) == ENDS:
+        ends = [read_argument(context, one, item, label) for item in node.items]
+        found = tuple(end.constant for end in ends)
+    else:
         context.fault(node.mark, f"{label} needs {example}")
         return INVALID_VALUE
-    ends = [read_argument(context, replace(argument, span=False), item, label) for item in node.items]
     if INVALID_VALUE in ends:
         return INVALID_VALUE
-    low, high = ends[0].constant, ends[1].constant
-    if isinstance(low, float) and isinstance(high, float):
-        if low >= high:
+    match found:
+        case (float() as low, float() as high):
+            if low < high:
+                return Value((low, high))
             context.fault(node.mark, f"{label}: the first value must be below the second")
-            return INVALID_VALUE
-        return Value((low, high))
-    if not all(end.template is None or context.awaits_params(end.template) for end in ends):
-        context.fault(node.mark, f"{label}: the two values must be known before the mission starts: numbers or params")
+        case _ if not all(end.template is None or context.awaits_params(end.template) for end in ends):
+            message = "the two values must be known before the mission starts: numbers or params"
+            context.fault(node.mark, f"{label}: {message}")
     return INVALID_VALUE
+
+
+def _span(argument: Argument, example: str, value: object) -> tuple[object, ...]:
+    if not isinstance(value, list) or len(value) != ENDS:
+        raise ValueError(f"needs {example}, got {quoted_value(value)}")
+    return tuple(_measure(argument, end) for end in value)
+
+
+ENDS = 2
+"""Number of values of a span."""
 
 
 def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label: str) -> Value:

@@ -144,7 +144,7 @@ class CheckContext:
         elif node.text in {*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS}:
             self.fault(node.mark, f"{label} cannot be '{node.text}', which is reserved in expressions")
 
-    def read_value(self, node: Scalar, label: str, convert: Convert, wanted_kind: str = "") -> Value:
+    def read_value(self, node: Scalar, label: str, convert: Convert, wanted_kind: Kind = "") -> Value:
         """Return the value of a scalar: a constant, or a text with ``${...}``; report its errors.
 
         ``label`` begins an error message; ``convert`` converts the value; ``wanted_kind`` is the kind of the argument.
@@ -178,7 +178,7 @@ class CheckContext:
             return INVALID_VALUE
 
     def read_formula(
-        self, node: Scalar, formula: Template | Expression, label: str, convert: Convert, wanted_kind: str = ""
+        self, node: Scalar, formula: Template | Expression, label: str, convert: Convert, wanted_kind: Kind = ""
     ) -> Value:
         """Return the value of an expression after a check of the names in it; a constant if it reads only params.
 

@@ -36,9 +36,9 @@ from missions.language.operators import (
     check_text_length,
     combine,
     compare,
+    make_list,
     member_at,
     out_of_range,
-    require_flat,
 )
 
 if TYPE_CHECKING:
@@ -242,7 +242,7 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, P
         case ast.BoolOp(values=parts):
             return any(_value(part, scope) for part in parts)
         case ast.List(elts=parts) | ast.Tuple(elts=parts):
-            return require_flat([_value(part, scope) for part in parts])
+            return make_list([_value(part, scope) for part in parts])
         case ast.UnaryOp(op=ast.Not(), operand=part):
             return not _value(part, scope)
         case ast.UnaryOp(op=op, operand=part):
@@ -404,6 +404,8 @@ def format_value(value: object) -> str:
         return f"{float(value):.4g}"
     if isinstance(value, list | tuple):
         return ", ".join(format_value(item) for item in value)
+    if isinstance(value, Mapping):
+        return f"{{{', '.join(f'{key}: {format_value(item)}' for key, item in value.items())}}}"
     return str(value)
 
 

@@ -4,17 +4,15 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from config.diagnostics import suggest_from
-from config.units import quoted_value, with_article
-from config.yaml_nodes import Listing, Mapping, Node, Scalar
+from config.yaml_nodes import Mapping, Node, Scalar
 from drivers.api.fast_dataclass import dataclass
-from missions.language.arguments import default_value
 from missions.language.check_context import CheckContext
-from missions.language.expressions import INVALID_VALUE, Value, format_value
+from missions.language.expressions import INVALID_VALUE, Value
+from missions.language.lists import common_type, untyped_members
 from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.nodes import AT_ONCE, FOR_EACH, MISSION
 from missions.language.operators import describe_value
 from missions.language.parallel_counts import entries_as_written
-from missions.language.param_types import list_members, type_of_value
 from missions.language.plan import PlaceholderLeaf, Step
 
 FOR_EACH_KEYS = ("in", "as", "number", "do")
@@ -26,6 +24,9 @@ class ListMembers:
     """Members of the list over which a ``for_each`` loops."""
 
     values: tuple[object, ...]
+
+    def __hash__(self) -> int:
+        return len(self.values)  # a member may be a mapping, which has no hash
 
     @property
     def count(self) -> int:
@@ -91,22 +92,9 @@ def _members(context: CheckContext, node: Node) -> Value:
     if isinstance(node, Mapping):
         context.fault(node.mark, "'in' needs a list, not a mapping", FOR_EACH_EXAMPLE)
         return INVALID_VALUE
-    return _read_listed(context, node)
-
-
-def _read_listed(context: CheckContext, node: Listing) -> Value:
-    try:
-        found = list_members(node, default_value)
-    except ValueError as error:
-        context.fault(node.mark, f"'in' {error}")
+    if node.items and common_type(context, "'in'", node) is None:
         return INVALID_VALUE
-    for item, member in zip(node.items, found, strict=True):
-        first, kind = type_of_value(found[0]), type_of_value(member)
-        if kind != first:
-            both = f"{with_article(first)} and {with_article(kind)}, {quoted_value(format_value(member))}"
-            context.fault(item.mark, f"'in' needs members of one type, got {both}")
-            break
-    return Value(as_members(found))
+    return Value(as_members(untyped_members(node)))
 
 
 def as_members(value: object) -> ListMembers:

@@ -30,6 +30,8 @@ from missions.language.kinds import (
 )
 from missions.language.operators import combined_dimension
 
+ADD_LIST_HINT = "write found + [item] for a list with one more member"
+
 Report = Callable[[ast.expr, str, str], None]
 """Function that takes a part of an expression, the error in it, and a hint."""
 
@@ -106,6 +108,8 @@ class TypeInference:
         left, right = self.kind(node.left), self.kind(node.right)
         if isinstance(node.op, ast.Add) and left == right == TEXT:
             return TEXT
+        if isinstance(node.op, ast.Add) and (isinstance(left, ListKind) or isinstance(right, ListKind)):
+            return self._joined_list_kind(node, left, right)
         left, right = self._require_numeric(node.left, left), self._require_numeric(node.right, right)
         if UNSETTLED in (left, right):
             return UNSETTLED
@@ -115,6 +119,21 @@ class TypeInference:
             return combined_dimension(type(node.op), left, right)
         except ValueError as error:
             return self._report_error(node, str(error), _fix_hint(left, right))
+
+    def _joined_list_kind(self, node: ast.BinOp, left: Kind, right: Kind) -> Kind:
+        """Return the kind of a list of the members of two lists."""
+        if not (isinstance(left, ListKind) and isinstance(right, ListKind)):
+            other = right if isinstance(left, ListKind) else left
+            if other is None or other == UNSETTLED:
+                return None
+            part = node.right if isinstance(left, ListKind) else node.left
+            return self._report_error(part, f"cannot add a list and {describe_kind(other)}", ADD_LIST_HINT)
+        one, other = left.member_kind, right.member_kind
+        if not _comparable(ast.Eq(), one, other):
+            kinds = f"{describe_kind(one)} and {describe_kind(other)}"
+            hint = _fix_hint(one, other)
+            return self._report_error(node, f"the members of a list must have one type: {kinds}", hint)
+        return join_kinds(left, right)
 
     def _require_numeric(self, node: ast.expr, kind: Kind) -> Kind:
         """Return the kind (static type) of the operand ``node`` as a number.
@@ -212,13 +231,14 @@ def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
 class ExpressionLocation:
     """Place of an expression: the scalar ``node`` of the file ``source``, for error messages.
 
-    ``label`` begins a message; ``wanted_kind`` is the kind of the argument.
+    ``label`` begins a message; ``wanted_kind`` is the kind of the argument: a word such as
+    ``count``, or a list.
     """
 
     source: SourceText
     node: Scalar
     label: str
-    wanted_kind: str = ""
+    wanted_kind: Kind = ""
 
     def place(self, column: int, length: int) -> Mark:
         """Return the place in the file of the part of the expression at ``column`` with ``length`` characters.
@@ -260,24 +280,52 @@ def find_mismatches(
     return faults
 
 
-def _mismatch_alone(kind: Kind, wanted_kind: str) -> tuple[str, str] | None:
+def _mismatch_alone(kind: Kind, wanted_kind: Kind) -> tuple[str, str] | None:
     """Return error and hint if a value of ``kind`` (its static type) does not fit ``wanted_kind``, else None."""
+    message = _misfit(kind, wanted_kind)
+    if not message:
+        return None
+    hint = ""
+    if wanted_kind in (NUMBER, "count"):
+        hint = divide_hint(str(kind))
+    elif isinstance(wanted_kind, str) and kind in (NUMBER, PERCENT):
+        hint = multiply_hint(wanted_kind)
+    return f" {message}", hint
+
+
+def _misfit(kind: Kind, wanted_kind: Kind) -> str:
+    """Return the error for a value of this kind; empty if it fits."""
+    if kind is None or kind in (UNSETTLED, NOTHING):
+        return ""
+    if isinstance(wanted_kind, ListKind):
+        if not isinstance(kind, ListKind):
+            return f"needs a list, got {describe_kind(kind)}"
+        message = _misfit(kind.member_kind, wanted_kind.member_kind)
+        return message and f"has a wrong member: it {message}"
+    if isinstance(wanted_kind, RecordKind):
+        return _mapping_misfit(kind, wanted_kind.members)
     if wanted_kind in UNITS:
-        if (
-            (is_numeric(kind) and not _is_same_dimension(kind, wanted_kind))
-            or kind in (TEXT, FLAG)
-            or isinstance(kind, ListKind)
-        ):
-            return f" {needs_message(wanted_kind)}, got {describe_kind(kind)}", multiply_hint(wanted_kind) if kind in (
-                NUMBER,
-                PERCENT,
-            ) else ""
-    elif wanted_kind in (NUMBER, "count") and is_numeric(kind) and not _is_same_dimension(kind, NUMBER):
-        return f" needs a number, got {describe_kind(kind)}", divide_hint(str(kind))
-    return None
+        fits = is_numeric(kind) and _is_same_dimension(kind, str(wanted_kind))
+        return "" if fits else f"{needs_message(str(wanted_kind))}, got {describe_kind(kind)}"
+    if wanted_kind in (NUMBER, "count") and is_numeric(kind) and not _is_same_dimension(kind, NUMBER):
+        return f"needs a number, got {describe_kind(kind)}"
+    return ""
 
 
-def _mismatch_before_unit(kind: Kind, after: str | Expression, wanted_kind: str) -> tuple[str, str] | None:
+def _mapping_misfit(kind: Kind, wanted: Mapping[str, Kind]) -> str:
+    """Return the error for a value of this kind as a mapping with these keys; empty if it fits."""
+    if not isinstance(kind, RecordKind):
+        return f"needs a mapping with {', '.join(wanted)}, got {describe_kind(kind)}"
+    if not kind.members:  # unknown
+        return ""
+    different = [key for key in (*wanted, *kind.members) if (key in wanted) != (key in kind.members)]
+    if different:
+        return f"has no '{different[0]}'" if different[0] in wanted else f"has an unknown key '{different[0]}'"
+    messages = ((key, _misfit(kind.member(key), wanted[key])) for key in wanted)
+    return next((f"has a wrong '{key}': it {message}" for key, message in messages if message), "")
+
+
+def _mismatch_before_unit(kind: Kind, after: str | Expression, wanted_kind: Kind) -> tuple[str, str] | None:
     """Return error and hint for a value before a unit in a text: "${n} deg"; None if it fits."""
     word = _WORD.match(after) if isinstance(after, str) else None
     if word is None or not is_unit(word[1]):

@@ -8,7 +8,7 @@ import ast
 import keyword
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
@@ -195,6 +195,10 @@ def join_kinds(one: Kind, other: Kind) -> Kind:
             return common_dimension(str(one), str(other))
         except DimensionError:
             return None
+    if isinstance(one, ListKind) and isinstance(other, ListKind):
+        return ListKind(join_kinds(one.member_kind, other.member_kind))
+    if isinstance(one, RecordKind) and isinstance(other, RecordKind) and one.members.keys() == other.members.keys():
+        return replace(one, members={name: join_kinds(kind, other.members[name]) for name, kind in one.members.items()})
     return None
 
 

@@ -7,7 +7,7 @@ tick.
 import ast
 import math
 import operator
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from config.units import NUMBER, DimensionError, Quantity, common_dimension, factor_of, product, quoted_value, quotient
@@ -17,6 +17,12 @@ MAX_TEXT = 10_000
 
 MAX_NUMBER = 1e15
 """Maximum integer in an expression, so that it cannot grow at every tick; up to it, floats are exact."""
+
+MAX_MEMBERS = 1000
+"""Maximum members of a list that a mission makes; a list that grows in each round must not fill memory or records."""
+
+MAX_LIST_TEXT = 10 * MAX_TEXT
+"""Maximum characters of all texts in a list that a mission makes."""
 
 BINARY: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -43,11 +49,33 @@ COMPARE: dict[type[ast.cmpop], Callable[[Any, Any], object]] = {
 }
 
 
-def require_flat(items: list[Any]) -> list[Any]:
-    """Return ``items``. Raises ValueError if one of them is a list."""
-    if any(isinstance(item, list) for item in items):
-        raise ValueError("a list cannot contain a list")
+def make_list(items: list[Any]) -> list[Any]:
+    """Return ``items``, the members of a list that a mission makes. Raises ValueError if it is too large or too deep.
+
+    Its members are plain values, results of leaves, and mappings of these.
+    """
+    if len(items) > MAX_MEMBERS:
+        raise ValueError(f"a list of more than {MAX_MEMBERS:,} members")
+    length = 0
+    for item in items:
+        for value in item.values() if isinstance(item, Mapping) else (item,):
+            if isinstance(value, list | Mapping):
+                raise ValueError("a list cannot contain a list")
+            length += len(value) if isinstance(value, str) else 0
+    if length > MAX_LIST_TEXT:
+        raise ValueError(f"a list with texts of more than {MAX_LIST_TEXT:,} characters")
     return items
+
+
+def _join_lists(left: list[Any], right: list[Any]) -> list[Any]:
+    """Return the members of two lists as one list; both have members of one dimension."""
+    for item in right if left else ():
+        if _is_number(left[0]) and _is_number(item):
+            try:
+                common_dimension(dimension_of(left[0]), dimension_of(item))
+            except DimensionError as error:
+                raise ValueError(f"the members of a list must have one type: {error}") from None
+    return make_list([*left, *right])
 
 
 def member_at(items: Any, place: Any) -> object:
@@ -76,9 +104,14 @@ def compare(op: ast.cmpop, left: Any, right: Any) -> bool:
 
 
 def combine(op: ast.operator, left: Any, right: Any) -> object:
-    """Return the result of a binary operator; texts can only be added, so that a short line cannot fill the memory."""
+    """Return the result of a binary operator.
+
+    Texts and lists can only be added, so that a short line cannot fill the memory.
+    """
     if isinstance(op, ast.Add) and isinstance(left, str) and isinstance(right, str):
         return check_text_length(left + right)
+    if isinstance(op, ast.Add) and isinstance(left, list | tuple) and isinstance(right, list | tuple):
+        return _join_lists(list(left), list(right))
     dimension = combined_dimension(type(op), dimension_of(left), dimension_of(right))
     return make_quantity(BINARY[type(op)](left, right), dimension)
 

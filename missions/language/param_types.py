@@ -1,77 +1,55 @@
-"""Params of a mission: their types, defaults, and the overrides of the caller, such as ``--param``.
-
-A list has members of one type.
-"""
+"""Params of a mission: their types, defaults, and the overrides of the caller, such as ``--param``."""
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from collections.abc import Mapping as Named
-from dataclasses import replace
-from functools import partial
+from dataclasses import field, replace
 
 from behaviours.leaf import REQUIRED, Argument, Leaf
-from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, add_diagnostic, suggest_from
-from config.units import NUMBER, UNITS, Quantity, corrected_quantity, parse_quantity, quoted_value, with_article
-from config.yaml_nodes import Listing, Mapping, Node, Plain, Scalar, compose, plain_value
+from config.diagnostics import Diagnostic, Mark, SourceText, add_diagnostic, suggest_from
+from config.units import (
+    NUMBER,
+    UNITS,
+    Quantity,
+    corrected_quantity,
+    parse_quantity,
+    quantity_text,
+    quoted_value,
+    with_article,
+)
+from config.yaml_nodes import Listing, Mapping, Node, Plain, Scalar, plain_value
 from drivers.api.fast_dataclass import dataclass
-from missions.language.arguments import TEXT_KINDS, converter, default_value, read_argument
+from missions.language.arguments import TEXT_KINDS, converter, read_argument
 from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Convert, Value, format_value
-from missions.language.kinds import FLAG, TEXT, Kind, ListKind
+from missions.language.kinds import FLAG, TEXT, Kind, ListKind, RecordKind
+from missions.language.lists import (
+    check_key,
+    common_type,
+    default_value,
+    list_converter,
+    list_members,
+    mapping_converter,
+    parse_list,
+    type_of_value,
+)
 from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES, WAIT_FOR
 from missions.language.parallel_counts import COUNTS
 
-LIST_EXAMPLE = "such as [kitchen, hall]"
-
-ScalarReader = Callable[[Scalar], object]
-"""Function that returns the value of a YAML scalar as a member of a list param."""
-
-
-def list_members(node: Listing, read_scalar: ScalarReader) -> list[object]:
-    """Return the members of a YAML list, each read by ``read_scalar``. Raises ValueError for nested lists."""
-    return [_member(item, read_scalar) for item in node.items]
-
-
-def _member(node: Node, read_scalar: ScalarReader) -> object:
-    if not isinstance(node, Scalar):
-        raise ValueError("needs plain values as its members: a list holds no lists and no mappings")
-    if "${" in node.text:
-        raise ValueError(f"cannot have the member {quoted_value(node.text)}: lists in a file hold plain values")
-    return read_scalar(node)
-
-
-def parse_list(text: str, read_scalar: ScalarReader) -> list[object]:
-    """Parse a list of the command line: ``kitchen, hall``, or in brackets. Raises ValueError."""
-    text = text.strip()
-    try:
-        node = compose(SourceText("", text if text.startswith("[") else f"[{text}]"))
-    except InvalidFileError:
-        node = None
-    if not isinstance(node, Listing):
-        raise ValueError(f"needs a list, such as 'kitchen, hall', got {quoted_value(text)}")
-    return list_members(node, read_scalar)
-
-
-def list_converter(convert: Convert) -> Convert:
-    """Return a converter that applies ``convert`` to each member."""
-    return partial(_convert_members, convert)
-
-
-def _convert_members(convert: Convert, value: object) -> list[object]:
-    if not isinstance(value, list | tuple):
-        raise ValueError(f"needs a list, {LIST_EXAMPLE}, got {quoted_value(value)}")
-    found = []
-    for number, each in enumerate(value, start=1):
-        try:
-            found.append(convert(each))
-        except (ValueError, LookupError) as error:
-            raise ValueError(f"has a wrong member {number}: it {error.args[0] if error.args else error}") from None
-    return found
-
-
 LIST_TYPE = "list"
 """Type of a mission param that is a list, with members of one type."""
+
+MAPPING_TYPE = "mapping"
+"""Type of list members that are mappings. It is no word for ``of``, which has the types of their values."""
+
+BOUNDS = ("low", "high")
+"""Keys for the limits of a param."""
+
+ENTRY_KEYS = ("type", "choices", *BOUNDS)
+"""Keys of a value in the mappings of a list, in the long form of its type."""
+
+OF_HINT = "write of: {x: length, y: {type: length, low: 0 m}}"
 
 NAME_TYPES = ("person", "place", "gesture", "move", MISSION, "file")
 """Types of params whose values are names."""
@@ -89,7 +67,8 @@ class ParamType:
 
     ``member_type`` is the type of the list's members, or the same as ``kind`` if it is not a list. ``convert`` checks
     and converts a value. Values, or list members, are between ``low`` and ``high``, or among ``choices`` if there are
-    any.
+    any. If list members are mappings, ``member_type`` is ``mapping``, and ``entries`` are the types of their values by
+    key.
     """
 
     kind: str
@@ -98,11 +77,35 @@ class ParamType:
     low: float = -math.inf
     high: float = math.inf
     choices: tuple[str, ...] = ()
+    entries: Named[str, "ParamType"] = field(default_factory=dict, hash=False)
 
     @property
     def value_kind(self) -> Kind:
         """Kind (static type) of the param's values, for the checks of expressions that read it."""
-        return ListKind(param_kind(self.member_type)) if self.kind == LIST_TYPE else param_kind(self.member_type)
+        if self.entries:
+            members = {key: entry.value_kind for key, entry in self.entries.items()}
+            return ListKind(RecordKind("a mapping", members=members))
+        member_kind = param_kind(self.member_type)
+        return ListKind(member_kind) if self.kind == LIST_TYPE else member_kind
+
+    @property
+    def member_text(self) -> str:
+        """Type of the values, or of list members, with bounds: ``length from 10 cm``, ``{x: length, y: length}``."""
+        if self.entries:
+            return f"{{{', '.join(f'{key}: {entry.member_text}' for key, entry in self.entries.items())}}}"
+        if self.choices:
+            return f"one of {', '.join(self.choices)}"
+        bounds = (f"{word} {text}" for word, text in zip(("from", "to"), self.bound_texts, strict=True) if text)
+        return " ".join((self.member_type, *bounds))
+
+    @property
+    def bound_texts(self) -> tuple[str, str]:
+        """The bounds ``low`` and ``high`` as texts with units; empty for no bound."""
+        return _bound_text(self.low, self.member_type), _bound_text(self.high, self.member_type)
+
+    def _read_scalar(self, key: str, node: Scalar) -> Plain:
+        """Return the value of a scalar in a list of this type; ``key`` is its key in a mapping, or empty."""
+        return self.entries.get(key, self).scalar_value(node)
 
     def scalar_value(self, node: Scalar) -> Plain:
         """Return the value of a YAML scalar for this param, or for a member if the param is a list."""
@@ -118,7 +121,7 @@ class ParamType:
     def parse(self, text: str) -> object:
         """Parse a value of the param from the command line. Raises ValueError with the expected form."""
         if self.kind == LIST_TYPE:
-            return self.convert(parse_list(text, self.scalar_value))
+            return self.convert(parse_list(text, self._read_scalar))
         if self.member_type in (*TEXT_KINDS, *NAME_TYPES):
             return self.convert(text)
         found = parse_quantity(text)
@@ -140,22 +143,26 @@ class ParamType:
                 replace(node, value=self.scalar_value(node)),
                 label,
                 self.convert,
-                self.kind if self.kind != LIST_TYPE else f"{LIST_TYPE} of {self.member_type}",
+                self.value_kind if self.kind == LIST_TYPE else self.kind,
             )
         if isinstance(node, Mapping) or self.kind != LIST_TYPE:
             context.fault(node.mark, f"{label} needs one value")
             return INVALID_VALUE
         try:
-            return context.convert_constant(node, list_members(node, self.scalar_value), label, self.convert)
+            return context.convert_constant(node, list_members(node, self._read_scalar), label, self.convert)
         except ValueError as error:
             context.fault(node.mark, f"{label} {error}")
             return INVALID_VALUE
 
 
+def _bound_text(bound: float, member_type: str) -> str:
+    if math.isinf(bound):
+        return ""
+    return quantity_text(bound, member_type) if member_type in UNITS else f"{bound:g}"
+
+
 def param_kind(word: str) -> Kind:
-    """Return the kind (static type) of values for a word of PARAM_TYPES, or "list of WORD"; None if it is unknown."""
-    if word.startswith(f"{LIST_TYPE} of "):
-        return ListKind(param_kind(word.removeprefix(f"{LIST_TYPE} of ")))
+    """Return the kind (static type) of values for a word of PARAM_TYPES; None if it is unknown."""
     if word in UNITS:
         return word
     if word in (NUMBER, "count"):
@@ -163,45 +170,59 @@ def param_kind(word: str) -> Kind:
     return FLAG if word == FLAG else TEXT if word in (*TEXT_KINDS, *NAME_TYPES) else None
 
 
-def infer_type(context: CheckContext, name: str, node: Node) -> ParamType | None:
-    """Return the type of a param with only a default; None if it has an error."""
+def infer_type(context: CheckContext, label: str, node: Node) -> ParamType | None:
+    """Return the type of a param with only a default; None if it has an error. ``label`` begins an error message."""
     if isinstance(node, Scalar):
         if not node.quoted and (quantity := corrected_quantity(node.text)):
             hint = f"write '{quantity}', or put it in quotes for a text"
-            context.fault(node.mark, f"param '{name}': unknown unit in {quoted_value(node.text)}", hint)
+            context.fault(node.mark, f"{label}: unknown unit in {quoted_value(node.text)}", hint)
             return None
-        return _make_type(context, Argument(name, type_of_value(default_value(node)), ""))
-    kind = _common_kind(context, name, node) if isinstance(node, Listing) else None
-    return None if kind is None else _make_type(context, Argument(name, kind, ""), many=True)
+        return _make_type(context, Argument("", type_of_value(default_value(node)), ""))
+    if not isinstance(node, Listing) or not node.items:
+        message = "needs plain values" if isinstance(node, Mapping) else "an empty list needs 'of'"
+        context.fault(node.mark, f"{label}: {message}", "write {type: list, of: text, default: []}")
+        return None
+    kind = common_type(context, label, node)
+    if kind is None or isinstance(kind, str):
+        return None if kind is None else _make_type(context, Argument("", kind, ""), many=True)
+    return _list_of_mappings({key: _make_type(context, Argument("", word, "")) for key, word in kind.items()})
 
 
-def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | None:
-    """Return the type of a param in its long form; None if it has an error, which is reported."""
-    default = node.get("default")
-    kind, of = (_read_type_word(context, name, node, key) for key in ("type", "of"))
+def read_type(context: CheckContext, label: str, node: Mapping) -> ParamType | None:
+    """Return the type of a param in its long form; None if it has an error, which is reported.
+
+    ``label`` begins an error message.
+    """
+    default, of_node = node.get("default"), node.get("of")
+    if isinstance(of_node, Mapping):
+        return _read_entries(context, label, node, of_node)
+    kind, of = (_read_type_word(context, label, node, key) for key in ("type", "of"))
     if "" in (kind, of):  # invalid, and reported already
         return None
-    choices = _read_choices(context, name, node, kind if of is None else of)
+    choices = _read_choices(context, label, node, kind if of is None else of)
     if choices is None:
         return None
     if kind is None and default is None and not choices:
-        context.fault(node.mark, f"param '{name}' needs a default, or a type", "write {type: text} or {default: 60 s}")
+        context.fault(node.mark, f"{label} needs a default, or a type", "write {type: text} or {default: 60 s}")
         return None
     is_list = kind == LIST_TYPE or of is not None or (kind is None and isinstance(default, Listing))
     one = of if is_list else kind
     if one is None and choices:
         one = "choice"
     elif one is None and default is not None:
-        found = infer_type(context, name, default)
+        found = infer_type(context, label, default)
+        if found is not None and found.entries:
+            _refuse_bounds(context, label, node)
+            return found
         one = None if found is None else found.member_type
     elif one is None:
-        context.fault(node.mark, f"param '{name}' needs 'of', the type of its members", "write {type: list, of: text}")
+        context.fault(node.mark, f"{label} needs 'of', the type of its members", "write {type: list, of: text}")
     if one is None:
         return None
-    argument = Argument(name, one, "", choices=choices)
+    argument = Argument("", one, "", choices=choices)
     bounds = {
-        side: read_argument(context, argument, bound, f"param '{name}': '{side}'").constant
-        for side in ("low", "high")
+        side: read_argument(context, argument, bound, f"{label}: '{side}'").constant
+        for side in BOUNDS
         if (bound := node.get(side)) is not None
     }
     numbers = {side: bound for side, bound in bounds.items() if isinstance(bound, int | float)}
@@ -209,15 +230,50 @@ def read_type(context: CheckContext, name: str, node: Mapping) -> ParamType | No
     return _make_type(context, replace(argument, low=low, high=high), many=is_list)
 
 
-def type_of_value(value: object) -> str:
-    """Return the type of a plain value; "value" for None."""
-    if isinstance(value, Quantity):
-        return value.dimension
-    if isinstance(value, bool):
-        return "flag"
-    if isinstance(value, int | float):
-        return "number"
-    return "text" if isinstance(value, str) else "value"
+def _read_entries(context: CheckContext, label: str, beside: Mapping, node: Mapping) -> ParamType | None:
+    """Return the type of a list of mappings, with ``of: {x: length, y: {type: length, low: 0 m}}``."""
+    word_node = beside.get("type")
+    if word_node is not None and not (isinstance(word_node, Scalar) and word_node.text == LIST_TYPE):
+        context.fault(word_node.mark, f"{label}: only a list has members with 'of'", "write type: list")
+        return None
+    if not node.entries:
+        context.fault(node.mark, f"{label}: 'of' needs keys with types", OF_HINT)
+        return None
+    if not all(check_key(context, label, key) for key, _ in node.entries):
+        return None
+    _refuse_bounds(context, label, beside)
+    found = {key.text: _read_entry(context, f"{label}: '{key.text}'", value) for key, value in node.entries}
+    entries = {key: entry for key, entry in found.items() if entry is not None}
+    return _list_of_mappings(entries) if len(entries) == len(found) else None
+
+
+def _read_entry(context: CheckContext, label: str, node: Node) -> ParamType | None:
+    """Return the type of a value in a mapping: a word, or a mapping with ``type`` and bounds."""
+    if isinstance(node, Scalar):
+        node = Mapping(node.mark, [(Scalar(node.mark, "type", "type"), node)])
+    if not isinstance(node, Mapping):
+        context.fault(node.mark, f"{label} needs a type", OF_HINT)
+        return None
+    for key, value in node.entries:
+        if key.text not in ENTRY_KEYS:
+            context.fault(key.mark, f"{label} has no key '{key.text}'", suggest_from(key.text, ENTRY_KEYS))
+            return None
+        if key.text == "type" and isinstance(value, Scalar) and value.text == LIST_TYPE:
+            context.fault(value.mark, f"{label} cannot be a list: a mapping in a list holds plain values")
+            return None
+    return read_type(context, label, node)
+
+
+def _refuse_bounds(context: CheckContext, label: str, beside: Mapping) -> None:
+    """Report bounds and choices beside a list of mappings."""
+    for key, _ in beside.entries:
+        if key.text in (*BOUNDS, "choices"):
+            context.fault(key.mark, f"{label}: '{key.text}' belongs to one value of the mappings", OF_HINT)
+
+
+def _list_of_mappings(entries: Named[str, ParamType]) -> ParamType:
+    convert = list_converter(mapping_converter({key: entry.convert for key, entry in entries.items()}))
+    return ParamType(LIST_TYPE, MAPPING_TYPE, convert, entries=entries)
 
 
 def _make_type(context: CheckContext, argument: Argument, *, many: bool = False) -> ParamType:
@@ -241,24 +297,7 @@ def _keep_written(check: Convert, kind: str) -> Convert:
     return convert
 
 
-def _common_kind(context: CheckContext, name: str, node: Listing) -> str | None:
-    """Return the common type of all members of a list; None if there is an error."""
-    items = [item for item in node.items if isinstance(item, Scalar)]
-    kinds = [type_of_value(default_value(item)) for item in items]
-    if not kinds:
-        message = "a list holds no lists and no mappings" if node.items else "an empty list needs 'of'"
-        context.fault(node.mark, f"param '{name}': {message}", "write {type: list, of: text, default: []}")
-        return None
-    for item, kind in zip(items, kinds, strict=True):
-        if kind != kinds[0]:
-            first = f"{quoted_value(items[0].text)} is {with_article(kinds[0])}"
-            both = f"{first}, {quoted_value(item.text)} {with_article(kind)}"
-            context.fault(item.mark, f"param '{name}': the members of a list must have one type: {both}")
-            return None
-    return kinds[0]
-
-
-def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -> str | None:
+def _read_type_word(context: CheckContext, label: str, node: Mapping, key: str) -> str | None:
     """Return the type of a param under ``key`` ("type" or "of").
 
     None if the key is missing, empty if the type is unknown, which is reported.
@@ -270,13 +309,11 @@ def _read_type_word(context: CheckContext, name: str, node: Mapping, key: str) -
     known = PARAM_TYPES if key == "type" else PARAM_TYPES[:-1]
     if word in known:
         return word
-    context.fault(
-        word_node.mark, f"param '{name}': unknown type {quoted_value(word or None)}", suggest_from(word, known)
-    )
+    context.fault(word_node.mark, f"{label}: unknown type {quoted_value(word or None)}", suggest_from(word, known))
     return ""
 
 
-def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
+def _read_choices(context: CheckContext, label: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
     """Return the words of a choice, or an empty tuple for other types; None if there is an error."""
     node = beside.get("choices")
     if node is None and kind != "choice":
@@ -284,7 +321,7 @@ def _read_choices(context: CheckContext, name: str, beside: Mapping, kind: str |
     found = tuple(item.text for item in node.items if isinstance(item, Scalar)) if isinstance(node, Listing) else ()
     if not found or kind not in (None, "choice", LIST_TYPE):
         example = "write {type: choice, choices: [left, right]}"
-        message = f"param '{name}' needs 'choices', a list of words" if not found else f"param '{name}' is not a choice"
+        message = f"{label} needs 'choices', a list of words" if not found else f"{label} is not a choice"
         context.fault((node or beside).mark, message, example)
         return None
     return found
@@ -369,7 +406,7 @@ def _is_returns(beside: Mapping, key: str) -> bool:
     return key == "returns" and beside.get(MISSION) is not None
 
 
-PARAM_KEYS = ("default", "type", "of", "choices", "help", "low", "high")
+PARAM_KEYS = ("default", "type", "of", "choices", "help", *BOUNDS)
 """Keys of a param in its long form."""
 
 
@@ -426,8 +463,9 @@ def read_params(context: CheckContext, node: Node | None) -> dict[str, Param]:
 
 
 def _read_short(context: CheckContext, name: str, value: Node) -> Param | None:
-    found = infer_type(context, name, value)
-    return None if found is None else Param(name, found.read_default(context, value, f"param '{name}'"), "", found)
+    label = f"param '{name}'"
+    found = infer_type(context, label, value)
+    return None if found is None else Param(name, found.read_default(context, value, label), "", found)
 
 
 def _read_long(context: CheckContext, name: str, node: Mapping) -> Param | None:
@@ -435,7 +473,7 @@ def _read_long(context: CheckContext, name: str, node: Mapping) -> Param | None:
     for key, _ in node.entries:
         if key.text not in PARAM_KEYS:
             context.fault(key.mark, f"{what} has no key '{key.text}'", suggest_from(key.text, PARAM_KEYS))
-    found, default_node, text = read_type(context, name, node), node.get("default"), node.get("help")
+    found, default_node, text = read_type(context, what, node), node.get("default"), node.get("help")
     if found is None:
         return None
     default = REQUIRED if default_node is None else found.read_default(context, default_node, what)
@@ -447,6 +485,8 @@ def assign_params(
 ) -> None:
     """Set the params to the caller's values or the defaults; if ``complete``, report missing ones."""
     for name, param in params.items():
+        if param.kind == LIST_TYPE:  # a list without members does not show its type
+            context.param_kinds[name] = param.type.value_kind
         if param.has_value:
             context.params[name] = param.default
         elif name not in texts:

@@ -20,8 +20,8 @@ PHRASES_KIND = "phrases"
 def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
     """Return the phrases in a YAML node, a text or a list, as a mapping: normalised form to written form.
 
-    All phrases must be known before the run, since the recogniser needs them. A phrase with a param that the caller has
-    not set yet is left out.
+    A param may hold one phrase or several. All phrases must be known before the run, since the recogniser needs them. A
+    phrase with a param that the caller has not set yet is left out.
     """
     found: dict[str, str] = {}
     wrong = False
@@ -38,10 +38,11 @@ def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
             context.fault(item.mark, f"{label} needs a phrase, or a list of them")
             wrong = True
             continue
-        value = context.read_value(item if item.value is None else replace(item, value=item.text), label, _check_phrase)
+        value = context.read_value(item if item.value is None else replace(item, value=item.text), label, _as_phrases)
         wrong = wrong or value is INVALID_VALUE
-        if isinstance(value.constant, str):
-            found.setdefault(normalise(value.constant), value.constant)
+        if isinstance(value.constant, tuple):
+            for phrase in value.constant:
+                found.setdefault(normalise(phrase), phrase)
         elif value.template is not None and not context.awaits_params(value.template):
             hint = "use params that are given when it starts, or listen for all that may be said"
             context.fault(
@@ -61,6 +62,13 @@ def second_phrase_hint(leaf: type[Leaf], node: Mapping, name: Scalar) -> str:
     if not isinstance(first, Scalar) or not isinstance(second, Scalar) or second.value is not None:
         return ""
     return f"write {own_argument}: [{first.text}, {name.text}] for two phrases"
+
+
+def _as_phrases(value: object) -> tuple[str, ...]:
+    """Return the phrases of a text, or of a list in a param. Raises ValueError."""
+    if isinstance(value, list) and not value:
+        raise ValueError("needs at least one phrase, got an empty list")
+    return tuple(map(_check_phrase, value if isinstance(value, list) else [value]))
 
 
 def _check_phrase(value: object) -> str:

@@ -10,11 +10,11 @@ from contextlib import suppress
 from config.diagnostics import Diagnostic, suggest_from
 from config.units import NUMBER, quoted_value
 from config.yaml_nodes import Mapping, Node, Scalar
-from missions.language.arguments import default_value
 from missions.language.check_context import CheckContext
 from missions.language.expressions import format_value
 from missions.language.inference import kind_of_result
 from missions.language.kinds import FLAG, TEXT, Kind, describe_kind, is_numeric, join_kinds, kind_of_value
+from missions.language.lists import default_value
 from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.plan import Step
 

@@ -111,6 +111,7 @@ PHRASE_SYNONYMS: Mapping[str, str] = {
     "{selector: [BEHAVIOUR, OTHERWISE]}": "try rescue except catch",
     "{selector: [BEHAVIOUR, {sequence: [OTHERWISE, fail]}]}": "try_catch",
     "{selector: [BEHAVIOUR, {sequence: [RECOVERY, BEHAVIOUR]}]}": "recovery recovery_node",
+    'set: {LIST: "${LIST + [ITEM]}"}': "append add_to_list push_back list_append",
     "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",
 }
 """Forms of several words, each with the words of other systems; capitals are placeholders."""

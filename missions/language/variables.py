@@ -28,7 +28,7 @@ from missions.language.switches import impossible_cases
 Kinds = Mapping[str, Kind]
 
 MAX_ROUNDS = 8
-"""Maximum number of times that one step can change the kind (static type) of a variable during type inference."""
+"""Maximum number of times that one step can change the kind (static type) of a variable; after them, it is unknown."""
 
 
 def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value]) -> None:
@@ -75,7 +75,7 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
         settled = join_kinds(kinds[name], kind)
         if settled != kinds[name] and rounds[place] < MAX_ROUNDS:
             rounds[place] += 1
-            kinds[name] = settled
+            kinds[name] = settled if rounds[place] < MAX_ROUNDS else None
             waiting.extend(readers[name])
     return kinds
 
@@ -138,4 +138,5 @@ def _declared_kind(value: Value) -> Kind:
     if value.template is None:
         kind = kind_of_value(value.constant)
         return None if kind == NOTHING else kind
-    return param_kind(value.location.wanted_kind) if value.location is not None else None
+    kind = None if value.location is None else value.location.wanted_kind
+    return param_kind(kind) if isinstance(kind, str) else kind

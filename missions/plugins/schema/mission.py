@@ -105,8 +105,22 @@ def _param() -> Schema:
         "patternErrorMessage": "the default of a param cannot be calculated: write a plain value",
     }
     bound = {"type": ["string", "number"]}
-    members = {"type": "array", "items": {"type": SCALAR, "pattern": default["pattern"]}}
-    plain = {**default, **members, "type": [*default["type"], "array"]}
+    value = {"type": SCALAR, "pattern": default["pattern"]}
+    mapping = {"type": [*SCALAR, "object"], "pattern": default["pattern"], "additionalProperties": value}
+    plain = {**default, "items": mapping, "type": [*default["type"], "array"]}
+    types = [each for each in PARAM_TYPES if each != LIST_TYPE]
+    limits = {
+        "choices": {"description": "The words to choose from.", "type": "array", "items": value, "minItems": 1},
+        "low": {"description": "The lowest value it may have.", **bound},
+        "high": {"description": "The highest value it may have.", **bound},
+    }
+    entry = {
+        "type": ["string", "object"],
+        "properties": {"type": {"enum": types}, **limits},
+        "additionalProperties": False,
+        "if": {"type": "string"},
+        "then": {"enum": types},
+    }
     return {
         **plain,
         "type": [*plain["type"], "object"],
@@ -114,16 +128,14 @@ def _param() -> Schema:
             "default": {"description": "Its value where the caller gives none.", **plain},
             "type": {"description": "What it is; told by its default where there is one.", "enum": list(PARAM_TYPES)},
             "of": {
-                "description": "What the members of a list are.",
-                "enum": [each for each in PARAM_TYPES if each != LIST_TYPE],
+                "description": "What the members of a list are: a type, or the types of the values in a mapping.",
+                "anyOf": [{"enum": types}, {"type": "object", "additionalProperties": entry, "minProperties": 1}],
             },
-            "choices": {"description": "The words to choose from.", **members, "minItems": 1},
             "help": {"description": "What it is for.", "type": SCALAR},
-            "low": {"description": "The lowest value it may have.", **bound},
-            "high": {"description": "The highest value it may have.", **bound},
+            **limits,
         },
         "additionalProperties": False,
-        "anyOf": [{"not": {"type": "object"}}, *({"required": [key]} for key in ("default", "type", "choices"))],
+        "anyOf": [{"not": {"type": "object"}}, *({"required": [key]} for key in ("default", "type", "choices", "of"))],
     }
 
 

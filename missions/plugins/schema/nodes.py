@@ -11,6 +11,7 @@ from missions.library.catalogue import sentence, summary
 from missions.plugins.schema.values import (
     EXPRESSION,
     HOLE,
+    LIST_MEMBER,
     NAME,
     SCALAR,
     Schema,
@@ -118,14 +119,13 @@ def _composite_schemas(things: Things) -> dict[str, Schema]:
 
 def _for_each() -> Schema:
     """Return the schema of the value of ``for_each``: its list, the names of its variables, and the node to repeat."""
-    members = {"type": "array", "items": {"type": SCALAR}}
     return {
         "description": sentence(OTHER_PARENTS[FOR_EACH].help),
         "type": "object",
         "properties": {
             "in": {
                 "description": "The list: an expression, or its members.",
-                "anyOf": [EXPRESSION, members],
+                "anyOf": [EXPRESSION, {"type": "array", "items": LIST_MEMBER}],
                 "examples": ["places"],
             },
             "as": {"description": "The variable that holds the member.", **NAME},
@@ -146,7 +146,7 @@ def _beside_schemas() -> dict[str, Schema]:
             "type": "object",
             "additionalProperties": {
                 "type": [*SCALAR, "null", "array"],
-                "items": {"type": SCALAR},
+                "items": LIST_MEMBER,
                 "errorMessage": "needs one value, or a list",
             },
         },

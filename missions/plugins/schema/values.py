@@ -46,6 +46,9 @@ NAME: Schema = {
 }
 """Schema of the name of a param or a variable."""
 
+LIST_MEMBER: Schema = {"type": [*SCALAR, "object"], "additionalProperties": {"type": SCALAR}}
+"""Schema of a member of a list: a plain value, or a mapping of plain values."""
+
 _PHRASE: Schema = {"type": SCALAR, "pattern": r"[^\s!-@\[-`{-~]"}
 PHRASES: Schema = {
     "type": [*SCALAR, "array"],
@@ -130,10 +133,11 @@ def value_schema(argument: Argument, things: Things) -> Schema:
     if not argument.span:
         return one
     return {
-        "type": "array",
+        "type": ["array", "string"],
         "items": one,
         "minItems": 2,
         "maxItems": 2,
+        "pattern": HOLE,
         "errorMessage": f"needs two values, [low, high]; {kind} with its unit",
     }
 

@@ -10,7 +10,7 @@ import signal
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from math import inf, isfinite
+from math import inf
 from pathlib import Path
 
 from config.defaults import load_defaults, unreadable_folders, user_files
@@ -26,13 +26,14 @@ from config.library import (
     kinds_of,
     shipped_files,
 )
-from config.units import UNITS, quantity_text
+from config.units import UNITS
 from config.world import load_world
 from drivers.clock import Clock, SystemClock, time_of_day
 from missions.control.commands import BadMessage, ClientCommand
 from missions.language.document import declared_params
 from missions.language.expressions import format_value
-from missions.language.param_types import Param
+from missions.language.lists import list_text
+from missions.language.param_types import BOUNDS, Param
 from missions.language.plan import Plan
 from missions.library.drivers import load_robot
 from missions.library.folders import checkup_file
@@ -67,19 +68,21 @@ def _param(param: Param) -> dict[str, object]:
     field: dict[str, object] = {
         "name": param.name,
         "kind": kind.kind,
-        "default": None if not param.has_value else format_value(param.default),
+        "default": None if not param.has_value else _text(param.default),
         "help": param.help,
     }
     if kind.kind != kind.member_type:
-        field["of"] = kind.member_type
+        field["of"] = kind.member_text if kind.entries else kind.member_type
     if kind.member_type in UNITS:
         field["units"] = list(UNITS[kind.member_type])
     if kind.choices:
         field["choices"] = list(kind.choices)
-    for side, bound in (("low", kind.low), ("high", kind.high)):
-        if isfinite(bound):
-            field[side] = quantity_text(bound, kind.member_type) if kind.member_type in UNITS else f"{bound:g}"
-    return field
+    return field | {side: text for side, text in zip(BOUNDS, kind.bound_texts, strict=True) if text}
+
+
+def _text(value: object) -> str:
+    """Return a default as a caller writes it."""
+    return list_text(value) if isinstance(value, list) else format_value(value)
 
 
 # Time limit of a piece of work in a process whose main thread has no other task.

@@ -13,7 +13,7 @@ from config.units import quoted_value, si_value
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from drivers.api.keys import declared_keys
 from missions.executive.guard import REFLEXES
-from missions.language.arguments import default_value
+from missions.language.lists import default_value
 from missions.plugins.testing.event_specs import NodeError, read_event
 from missions.plugins.testing.phrases import Phrase
 

@@ -8,7 +8,6 @@ from config.diagnostics import suggest_from
 from config.fields import Fields, value_of
 from config.units import UNITS, DimensionError, Quantity, common_dimension, parse_quantity, quoted_value, si_value
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
-from missions.language.arguments import default_value
 from missions.language.kinds import (
     FLAG,
     NOTHING,
@@ -23,6 +22,7 @@ from missions.language.kinds import (
     member_kinds,
     members_of,
 )
+from missions.language.lists import default_value
 from perception.api import Box, Percept
 
 INVALID_RESULT = object()

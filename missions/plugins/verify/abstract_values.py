@@ -24,7 +24,7 @@ PLAIN_TYPES = frozenset((bool, int, float, str))
 """Types whose values contain no other values. Checks of nested values test them first, for speed."""
 
 MAX_COUNT = 3
-"""Largest whole number that is kept exactly, so that a counting mission has finitely many states."""
+"""Largest whole number, and length of a list, that are kept exactly, so that a mission has finitely many states."""
 
 MIN_UNBOUNDED_ROUNDS = 2
 """Minimum rounds of a loop that has more than MAX_COUNT rounds. Beyond the minimum, each further round is a choice."""
@@ -211,6 +211,8 @@ def widen(found: object) -> object:
         return found if abs(found) <= MAX_COUNT else UNKNOWN
     if isinstance(found, Mapping):
         return {name: widen(each) for name, each in found.items()}
+    if isinstance(found, list) and len(found) <= MAX_COUNT:
+        return [widen(each) for each in found]
     return found if isinstance(found, str) and len(found) <= MAX_TEXT_LENGTH else UNKNOWN
 
 

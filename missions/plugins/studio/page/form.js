@@ -48,7 +48,8 @@ function quantity_control(units, found) {
 function help(param) {
   const { low, high } = param;
   const bounds = low && high ? `${low} to ${high}` : low ? `at least ${low}` : high ? `at most ${high}` : "";
-  const list = param.kind === "list" ? `a list of ${param.of}: [one, two]` : "";
+  const example = param.of?.startsWith("{") ? "" : ": [one, two]";
+  const list = param.kind === "list" ? `a list of ${param.of}${example}` : "";
   return [param.help, list, bounds, param.default === null ? "required" : ""].filter(Boolean).join(" · ");
 }
 

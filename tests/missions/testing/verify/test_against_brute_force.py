@@ -8,7 +8,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from behaviours.basics import Check, WaitUntil
+from behaviours.basics import Check, Set, WaitUntil
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot
 from behaviours.run import RunState
@@ -65,7 +65,7 @@ def taped(step: Step, tape: Tape) -> Step:
             status = tape.read()
             return self.suspend("camera") if self.instant and status is RUNNING else status
 
-    if step.leaf in (Check, WaitUntil):
+    if step.leaf in (Check, WaitUntil, Set):
         return step
     children = tuple(taped(child, tape) for child in step.children)
     return replace(step, children=children) if step.leaf is None else replace(step, leaf=Reader, arguments={})
@@ -129,6 +129,17 @@ COUNTS = ("success_count: 1", "success_count: 1, failure_count: all", "wait_for_
 
 def waiting(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
     return [st.builds("wait_for: {{{}}}".format, children)]
+
+
+def listing(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
+    """Loops over mappings, and lists that grow until they are long enough."""
+    members = "[{{a: 1, b: true}}, {{a: 2, b: false}}]"
+    loop = f"for_each: {{{{in: {members}, as: p, do: {{{{sequence: [{{{{check: p.{{}}}}}}, {{{{{{}}}}}}]}}}}}}}}"
+    grow = "sequence: [{{set: {{found: '${{found + [1]}}'}}}}, {{{}}}, {{check: len(found) {}}}]"
+    return [
+        st.builds(loop.format, st.sampled_from(("b", "a < 2", "a > 0")), children),
+        st.builds(grow.format, children, st.sampled_from(("> 0", "> 1", "< 2", "== 3"))),
+    ]
 
 
 def trees(
@@ -206,6 +217,16 @@ def test_the_shortest_way_past_conditions_is_that_of_all_short_runs(tree: str) -
     if found is None:
         return
     compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
+
+
+@settings(max_examples=40)
+@example("sequence: [{set: {found: '${found + [1]}'}}, {look: 0 deg}, {check: len(found) == 3}], retry: 2")
+@given(trees(MODIFIERS, more=listing))
+def test_the_shortest_way_through_lists_is_that_of_all_short_runs(tree: str) -> None:
+    found = plan(f"sequence: [{{set: {{found: []}}}}, {{{tree}}}]")
+    if found is None:
+        return
+    compare_shortest_ways(found, 0.0)
 
 
 @settings(max_examples=15)
