@@ -248,7 +248,7 @@ RUN_COMMANDS: Mapping[str, type[ClientCommand]] = {
         LookCommand,
     )
 }
-"""Commands that a run executes, by word."""
+"""Classes of the commands that a run executes, by the word that names each in a message, such as "stop"."""
 
 MAX_REFUSED_BYTES = 2 * MAX_COMMAND_BYTES
 """Maximum bytes received of one message; a message above ``MAX_COMMAND_BYTES`` is refused in an answer with its id."""

@@ -227,7 +227,7 @@ MESSAGES: Mapping[str, type[Any]] = {
         RunOverMessage,
     )
 }
-"""Classes of the messages to clients, by message word."""
+"""Classes of the messages to clients, by the word that names each in a message, such as "state"."""
 
 
 def encode_message(message: Any) -> bytes:

@@ -40,8 +40,7 @@ from missions.control.run_folders import (
 STAMP_FILE = "newest.stop"
 
 TICK_TOLERANCE = 2
-"""Clock ticks by which a stop may seem earlier than the start of a process that it meant, since both times are rounded.
-"""
+"""Clock ticks by which a stop may seem earlier than the process that it was meant for, since both times are rounded."""
 
 
 def write_stamp() -> None:

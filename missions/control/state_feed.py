@@ -241,7 +241,7 @@ def _joints(robot: Robot) -> Iterator[tuple[str, Reading[JointState]]]:
 
 
 def merge_states(old: Mapping[str, object], new: Mapping[str, object]) -> Json:
-    """Return two states merged, the newer value of each member winning."""
+    """Return two states as one; a member that is in both has its value from ``new``."""
     found = {**old, **new}
     for name in ("changed", "variables", "commands"):
         before, after = old.get(name), new.get(name)

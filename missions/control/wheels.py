@@ -188,7 +188,7 @@ class WheelArbiter:
             raise BadMessage("device", pilot.trouble)
 
     def stop(self) -> None:
-        """Stop the base after a latched stop; earlier commands are void."""
+        """Stop the base after a latched stop; the driver must send zero before the base moves again."""
         self._stop_base()
 
     def _require_control(self, client: object, command: DriveCommand | LookCommand) -> tuple[Pilot, Base, float]:

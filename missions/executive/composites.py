@@ -56,7 +56,10 @@ class _ReactiveComposite(Composite):
         return RUNNING if status is RUNNING else self._end_with(child, status)
 
     def _end_with(self, child: Node, status: Status) -> Status:
-        """End after ``child`` ended with ``status``: the last child, or the one that decides."""
+        """End the composite, of which ``child`` was the last or the deciding one; return the composite's status.
+
+        ``status`` is that of the child.
+        """
         if status is SUCCESS and child.is_skipped:
             last = last_unskipped(self.members, self.passes)
             if last is None:
@@ -195,7 +198,10 @@ class OrderedComposite(Composite):
         return self._blame_last(child) if status is FAILURE else status
 
     def _end_after_skip(self, child: Node) -> Status:
-        """Return the status after the last child was skipped: that of the last other one, or skipped as well."""
+        """Return the status of the composite if its last ``child`` was skipped.
+
+        It is that of the last child that was not skipped; if all were, the composite is skipped as well.
+        """
         if not self._has_passed:
             return self.skip(child.feedback_message)
         if self.passes is SUCCESS:

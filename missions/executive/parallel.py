@@ -88,7 +88,10 @@ class Parallel(Composite, composites.Parallel):
         return RUNNING
 
     def _fail_with_all_reasons(self, failed: int, count: int, needed: int) -> Status:
-        """Return a failure with the reasons of all failed children, or because too few were not skipped."""
+        """Return a failure with the reasons of all failed children.
+
+        If none has failed, the reason is that too many children were skipped.
+        """
         blamed = [child for child in self.members if child.status is FAILURE]
         number = f"{failed} of {count} failed: " if failed > 1 else ""
         self.feedback_message = number + "; ".join(dict.fromkeys(child.feedback_message for child in blamed))

@@ -7,8 +7,9 @@ The proxies guarantee three things, whether a run is recorded or not:
 - Each command that moves a device is permitted first. A refusal raises DeviceFault, as a refusal by the driver does.
 - Each command of a leaf is reported together with the name of the leaf.
 
-Records name the parts as the fields of ``behaviours.robot.Robot`` do (base, head, arm, ...), and further parts of a
-kind by their own names. Arguments are recorded in the order of the protocol, with defaults filled in.
+In a record, the first part of each kind has the name of its field in ``behaviours.robot.Robot``, such as ``base`` or
+``arm``. Additional parts, such as a second arm, have their own names. Arguments are recorded in the order of the
+protocol, with defaults filled in.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -100,7 +101,7 @@ class VoiceProxy(Proxy):
 
 
 def voice_proxy(voice: Voice, cache: TickCache) -> Voice:
-    """Return ``voice`` behind its proxy, as ``missions.executive.proxy.make_proxy`` does; a voice needs no permit."""
+    """Return the proxy of a voice; ``cache`` holds its values during a tick. Speech needs no permit."""
     numbered = _NumberedUtterances(voice)
     memo = cache.add_part("voice", {"health": voice.health, "speaking": numbered.speaking})
     return VoiceProxy(numbered, memo)

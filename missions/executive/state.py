@@ -160,7 +160,10 @@ class BoundCondition:
         return bool(self._value.resolve(self._scope))
 
     def false_reason(self) -> str:
-        """Return "not true: EXPRESSION (NAME is VALUE)" with the values of all names in it that are not the whole."""
+        """Return "not true: EXPRESSION (NAME is VALUE)" with the values of all names in the expression.
+
+        The value is left out if the expression is only a name.
+        """
         reads = () if self._value.template is None else self._value.template.reads
         values = {read.dotted: self._value_text(read.dotted) for read in reads if read.dotted != self._text}
         listed = ", ".join(f"{name} is {value}" for name, value in values.items() if value)

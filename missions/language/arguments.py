@@ -252,7 +252,7 @@ _READERS: dict[str, Callable[[CheckContext, Scalar, str], Value]] = {
     CONDITION_KIND: _read_condition,
     FACE_KIND: read_face,
 }
-"""Functions that read an argument of their own form, by its kind."""
+"""Functions that read the values of arguments with a syntax of their own, by kind of argument."""
 
 
 def _as_argument_value(context: CheckContext, argument: Argument, node: Scalar) -> Scalar:

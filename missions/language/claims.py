@@ -75,7 +75,8 @@ def _claimant(step: Step, part: str) -> Step:
 def check_needs(context: CheckContext, tree: Step, robot: TargetRobot) -> None:
     """Report each leaf that needs a part which the robot does not have, or names a part of another kind.
 
-    A missing actuator is allowed in an alternative of a selector if another follows: see ``check_reach``.
+    A selector may have alternatives for actuators that the robot lacks. These are not reported if another alternative
+    follows.
     """
     excused = set(map(id, _first_leaves_of_alternatives(tree)))
     for step in tree.walk():

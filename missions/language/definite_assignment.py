@@ -1,8 +1,9 @@
 """Definite assignment: variables that are not set on every path to where they are read.
 
-It works as in compilers, but over a behaviour tree. For each result of a node (success, failure), it computes the
-variables that may be unset then, each with a shortest path on which it is unset. Unknown cases are left to ``mission
-verify``: reads behind a condition on a variable, reads whose failure is caught, and variables of concurrent nodes.
+It works as in compilers, but over a behaviour tree. For each result of a node (success, failure, skipped), it computes
+the variables that may be unset then, each with a shortest path on which it is unset. Unknown cases are left to
+``mission verify``: reads behind a condition on a variable, reads whose failure is caught, and variables of concurrent
+nodes.
 """
 
 from collections.abc import Collection, Iterable, Mapping, Sequence

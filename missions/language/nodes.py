@@ -311,4 +311,4 @@ MODIFIERS: Mapping[str, ModifierKind] = {
 """Modifiers by word; if a node has several, earlier ones enclose later ones."""
 
 NODES: Mapping[str, ParentKind | ModifierKind] = {**BRANCHES, **MODIFIERS}
-"""All kinds of nodes except leaves, by word."""
+"""All kinds of nodes except leaves, by their word in missions."""

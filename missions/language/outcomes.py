@@ -198,7 +198,7 @@ def _all_or_one(below: list[Ends], all_end: str, one_ends: str) -> Ends:
 
 
 def _skipped_with_all(below: list[Ends]) -> Ends:
-    """Return the end SKIPPED if all children can have it, or else nothing."""
+    """Return the result SKIPPED if all children can have it, or else no result."""
     return frozenset({SKIPPED}) if all(SKIPPED in each for each in below) else frozenset()
 
 
@@ -250,7 +250,10 @@ CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "
 """Modifiers with which a node is not always ticked, or runs for at most one tick."""
 
 GUARD_MODIFIERS = frozenset({"while", "until"})
-"""Modifiers with a condition that can end a node before it starts. ``once`` does not remember an end by ``if``."""
+"""Modifiers with a condition that can end a node before it starts.
+
+``if`` is not among them, since ``once`` does not store that a node was skipped.
+"""
 
 RUNNING_MODIFIERS = frozenset({"hold", "delay", "retry", "repeat"})
 """Modifiers that can be running while their child is not."""

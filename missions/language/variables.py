@@ -81,7 +81,7 @@ def variable_kinds(tree: Step, params: Kinds) -> Kinds:
 
 
 def return_kinds(step: Step) -> Kinds:
-    """Return the kinds of the results of a sub-mission by name."""
+    """Return the kinds (static types) of the results of a sub-mission by name."""
     inner = variable_kinds(step.children[0], _param_kinds(step)) if step.returns else {}
     return {name: kind_of_result(value, inner) for name, value in step.returns.items()}
 

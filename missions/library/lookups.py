@@ -35,14 +35,17 @@ def find_gesture(name: str) -> Gesture:
 
 
 def find_move(name: str) -> Gesture:
-    """Return a movement (gesture, recording or spreadsheet) by name or path. Raises like ``find_gesture``."""
+    """Return a movement (gesture, recording or spreadsheet) by name or path.
+
+    Raises LookupError with the known names, or the errors in its file.
+    """
     from missions.library.moves.load import load_move  # noqa: PLC0415
 
     return _load(load_move, "moves", name, shipped_files("gestures"))
 
 
 def find_gait(name: str) -> GaitKeys:
-    """Return a gait by name or path. Raises like ``find_gesture``."""
+    """Return a gait by name or path. Raises LookupError with the known names, or the errors in its file."""
     from config.gesture import load_gait  # noqa: PLC0415
 
     return _load(load_gait, "gaits", name)
@@ -56,7 +59,10 @@ def new_move_file(name: str) -> "NewMoveFile":
 
 
 def find_controller(name: str) -> "RuleBases":
-    """Return a controller's rule bases by name or path. Raises like ``find_gesture``."""
+    """Return a controller's rule bases by name or path.
+
+    Raises LookupError with the known names, or the errors in its file.
+    """
     try:
         return _load(lambda path: _parse_rule_bases(read_source(path)), "controllers", name)
     except ValueError as error:
@@ -73,7 +79,10 @@ def _parse_rule_bases(source: SourceText) -> "RuleBases":
 
 
 def find_object(name: str) -> ThingSpec:
-    """Return an object by name or path, or by a phrase such as "red ball". Raises like ``find_gesture``."""
+    """Return an object by name or path, or by a phrase such as "red ball".
+
+    Raises LookupError with the known names, or the errors in its file.
+    """
     found = _load_object(name)
     return ThingSpec(found.name, found.colour, found.shape, found.size)
 

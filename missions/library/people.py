@@ -31,7 +31,8 @@ NEW_PREFIX = ".new-"
 """Prefix of a person's folder while the pictures in it are not complete yet."""
 
 FEATURES_FILE = ".features.json"
-"""File with the features of the pictures in a folder: see ``missions.assembly.gallery``."""
+"""File with the features that a network computed from the pictures in a person's folder, stored since this takes long.
+"""
 
 MAX_PIXELS, MAX_PICTURE_BYTES = 4_000_000, 16_000_000
 """Maximum pixels and bytes of a picture; a portrait has about 300 x 300 pixels."""
@@ -201,7 +202,7 @@ class People:
     def select_new(self, name: str, portraits: Sequence[Image]) -> list[Image]:
         """Return the pictures that ``add`` would store: without those already stored, and each once.
 
-        Raises the same errors as ``add``.
+        Raises PeopleError if ``add`` would refuse them.
         """
         stored_name = self.find(name) or proper_name(name)
         whose = {

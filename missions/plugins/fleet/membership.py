@@ -127,7 +127,7 @@ def read_membership(options: FleetOptions) -> MembershipConfig | None:
 def membership(options: FleetOptions) -> Callable[[Path, FleetLatch], AbstractContextManager[FleetMember]] | None:
     """Return a function that opens the fleet membership of a task server as a context; None without `--fleet`.
 
-    Raises as ``read_membership`` does.
+    Raises click.UsageError, TaskError.
     """
     config = read_membership(options)
     return None if config is None else partial(join_fleet, config)

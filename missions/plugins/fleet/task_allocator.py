@@ -174,7 +174,7 @@ class TaskAllocator:
     # --- what is asked ----------------------------------------------------------------------------------------------
 
     def answer(self, request: FleetRequest) -> FleetAnswer | None:
-        """Answer requests about the tasks that this robot allocates; see FleetService."""
+        """Answer requests about the tasks that this robot allocates; return None for any other request."""
         match request:
             case KeepTask():
                 return self._keep(request)
@@ -280,7 +280,10 @@ class TaskAllocator:
     # --- what is due ------------------------------------------------------------------------------------------------
 
     def step(self, now: float) -> bool:
-        """Assign waiting tasks and check assigned ones; see FleetService."""
+        """Assign waiting tasks and check assigned ones.
+
+        Return True while a task is open, so that the next call is due soon.
+        """
         while self._answers:
             self._on_offer_answer(*self._answers.popleft(), now)
         if self.is_duplicate():

@@ -157,7 +157,7 @@ class TaskExecutor:
     def step(self, now: float) -> bool:
         """Process the answers of allocators, cancel expired tasks, and send reports that are due.
 
-        Return True while a task is open; see FleetService.
+        Return True while a task is open, so that the next call is due soon.
         """
         while self._answers:
             self._on_report_answer(*self._answers.popleft())

@@ -143,7 +143,7 @@ def _longest_common(left: Sequence[Hashable], right: Sequence[Hashable]) -> Iter
 
 
 def _subtree_facts(box: TreeBox) -> Hashable:
-    """Return what two subtrees must have in common to be equal: kinds, arguments and modifiers of all nodes."""
+    """Return the kinds, arguments and modifiers of all nodes of a subtree; equal subtrees return equal values."""
     return box.kind, tuple(_node_facts(box).items()), tuple(_subtree_facts(child) for child in box.children)
 
 

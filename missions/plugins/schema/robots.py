@@ -85,7 +85,10 @@ def part_schemas(table: DriverTable) -> dict[str, Schema]:
 
 
 def further_part_schema(kind: PartKind, section: Schema) -> Schema:
-    """Return the schema of a further part of a kind: the schema ``section`` with the additional key ``kind``."""
+    """Return the schema of an additional part of a kind, such as a second arm.
+
+    It is the schema ``section`` of the first part, with the additional key ``kind``.
+    """
     word: Schema = {"description": "Of which kind of part this is one more.", "const": kind.name}
     choices = [
         {**each, "then": _with_word(each["then"], word)} if "then" in each else each

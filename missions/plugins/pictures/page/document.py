@@ -111,6 +111,6 @@ def _text(asset: Traversable) -> str:
 
 
 def _json(data: Mapping[str, object]) -> Markup:
-    """Return data for the script, with each ``<`` escaped, so that it cannot end the element."""
+    """Return data as JSON for a script element, with each ``<`` escaped, so that a text cannot end the element."""
     text = json.dumps(data, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
     return join(tag("script", Markup(text), type="application/json", id="data"))

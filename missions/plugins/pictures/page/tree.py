@@ -68,7 +68,7 @@ def _age(status: Status, seconds: float) -> str:
 
 
 def _state(status: Status, reason: str, age: str) -> Markup:
-    """Return status, age and reason of a node as HTML, as the function ``showStates`` of the script writes them too."""
+    """Return status, age and reason of a node as HTML; the page's script writes the same form."""
     return tag(
         "span",
         tag("span", status, class_="word"),
@@ -136,7 +136,7 @@ def toolbar(*buttons: str) -> Markup:
 
 
 def button(text: str, **attributes: str | bool | None) -> Markup:
-    """Return a button; the script finds its action by the attributes."""
+    """Return a button; the page's script finds its action by the ``attributes``."""
     return tag("button", text, type="button", **attributes)
 
 
@@ -182,7 +182,7 @@ def item(
 ) -> Markup:
     """Return a node of the tree as a list item with its card ``content`` and its ``children``.
 
-    ``key`` identifies it for the script. The ``first`` item of the page takes the keyboard focus.
+    ``key`` identifies the node for the page's script. The ``first`` item of the page takes the keyboard focus.
     """
     fold = tag("span", class_="fold", aria_hidden="true") if children else ""
     return tag(

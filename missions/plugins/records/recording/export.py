@@ -48,7 +48,7 @@ def to_jsonl(record: RunRecord, output: Path, *, force: bool = False) -> int:
 
 
 def to_csv(record: RunRecord, folder: Path, *, force: bool = False) -> list[Path]:
-    """Write one CSV table per topic; return their paths. Raises as ``to_jsonl`` does.
+    """Write one CSV table per topic; return their paths. Raises ExistsError, InvalidRecordError, OSError.
 
     The first column is the time in seconds of the run. Nested fields are joined by dots, as in ``pose.position.x``;
     lists are JSON.
@@ -87,7 +87,10 @@ def to_csv(record: RunRecord, folder: Path, *, force: bool = False) -> list[Path
 
 
 def to_folder(record: RunRecord, folder: Path, *, force: bool = False) -> tuple[int, int, int]:
-    """Write pictures, files and tables into subfolders; return their numbers. Raises as ``to_jsonl`` does."""
+    """Write pictures, files and tables into subfolders; return the number of each.
+
+    Raises ExistsError, InvalidRecordError, OSError.
+    """
     new_folder(folder, force=force)
     pictures, files = folder / "pictures", folder / "files"
     for each in (pictures, files):

@@ -80,9 +80,9 @@ def contents_of(
 ) -> RecordContents:
     """Return the initial contents of a record.
 
-    ``files`` are the files read for the run, as ``config.reading.files_read`` collects them. ``started`` is the time of
-    day at time 0 of the run's clock. ``command`` is the command line, and ``mocks`` are the leaves that a test
-    replaces. ``lag`` is the delay of the base (s), as learnt in earlier runs.
+    ``files`` are the contents of all files read for the run, by path. ``started`` is the time of day at time 0 of the
+    run's clock. ``command`` is the command line, and ``mocks`` are the leaves that a test replaces. ``lag`` is the
+    delay of the base (s), as learnt in earlier runs.
     """
     names = dict(_name_files(files, {path.resolve() for path in behaviour_files(request.mission, request.behaviours)}))
     mission = Path(plan.source.name).resolve()

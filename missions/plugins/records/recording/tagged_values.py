@@ -183,7 +183,7 @@ _CONTAINER_DECODERS: Mapping[str, Callable[[Any], Any]] = {
     "float": float,
     "text": str,
 }
-"""Decoders of tagged values by tag, for tags that are not class names."""
+"""Decoders of tagged values such as tuples and mappings, by tag; other tags are class names."""
 
 _ARRAY, _TAGGED = Coder(_encode_array, _decode_array), Coder(tag_value, untag_value)
 

@@ -317,7 +317,7 @@ class MessageBuilder:
         return RecordMessage("/lost", t, dumps({"t": t, "counts": dict(counts), "why": reason}))
 
     def messages(self, item: Any) -> Iterator[RecordMessage]:
-        """Yield the messages that an item of the run becomes in the record."""
+        """Yield the messages that store an item of the run in the record."""
         match item:
             case TickRecord():
                 yield RecordMessage("/moments", item.t, self._tick_encoder.encode(item))

@@ -41,7 +41,7 @@ class RecordedAnswers:
     If a query is repeated within a tick, its recorded replies are returned in order. A query that the record lacks in
     this tick gets its last known reply. ``on_unanswered(query)`` is called for a query without any reply.
     ``on_different_command(part, recorded, current)`` is called for a command that differs from the record; a missing
-    command is None. ``other_kinds`` are the kinds of further parts by name.
+    command is None. ``other_kinds`` are the kinds of additional parts, such as a second arm, by name.
     """
 
     def __init__(

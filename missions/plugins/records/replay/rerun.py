@@ -68,7 +68,7 @@ def recorded_robot(
     """Return a robot whose ``parts`` reply from ``answers``; ``now`` returns the time of the record (s).
 
     ``eye`` is the position of the camera (m), ``groups`` are the joint groups of the arm. ``other_parts`` has the kind
-    of each further part by name, with the joint groups of an arm.
+    of each additional part (such as a second arm) by name, with the joint groups of an arm.
     """
     fields: dict[str, Any] = {}
     further = {

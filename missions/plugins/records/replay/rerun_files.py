@@ -1,4 +1,4 @@
-"""Files of a rerun: today's files where they still exist, else those in the record.
+"""Files of a rerun: the original files where they still exist, changed or not, else those in the record.
 
 A record may come from anyone. Python code is run only if the user names it, or trusts the code in the record.
 """
@@ -40,10 +40,11 @@ FOLDERS_BY_KIND: Mapping[str, tuple[str, ...]] = {
 
 
 class RerunFiles:
-    """Files that a rerun uses: today's files, or the recorded ones, which are unpacked into ``folder``.
+    """Files that a rerun uses: the original files, or the recorded ones, which are unpacked into ``folder``.
 
-    With ``recorded``, only recorded files are used. Files that a mission writes go into ``folder`` too. ``code`` are
-    the user's Python files with leaves. Without them, the recorded Python files are used, but only if ``trusted``.
+    An original file is used as it is now, if it still exists. With ``recorded``, only recorded files are used. Files
+    that a mission writes go into ``folder`` too. ``code`` are the user's Python files with leaves. Without them, the
+    recorded Python files are used, but only if ``trusted``.
     """
 
     def __init__(
@@ -85,7 +86,7 @@ class RerunFiles:
         ]
 
     def changed_files(self) -> Iterator[str]:
-        """Yield a line for each recorded file that is different or missing today."""
+        """Yield a line for each recorded file whose original has changed or is missing now."""
         for name, data in self._files.items():
             path = self._header.paths.get(name)
             if path is None or name.startswith(IGNORED_PREFIXES):

@@ -1,8 +1,8 @@
 """Statistics of joints in a record: error, work of the motor, load and temperature.
 
 A sample of a joint is used if its torque is on, it has a goal, and its servo replies. The error is the angle from the
-goal to the position, also while the joint moves. For a further arm, the name of a joint begins with the name of the
-arm.
+goal to the position, also while the joint moves. For an additional arm, such as ``right_arm``, the name of a joint
+begins with the name of the arm.
 """
 
 import re
