@@ -29,8 +29,8 @@ from drivers.errors import BadRequest
 PEAK_SPEED_FACTORS: Mapping[Interpolation, float] = {"minimum_jerk": 1.875, "cubic": 1.5, "linear": 1.0}
 """Ratio of peak to mean speed between two keyframes, for each interpolation.
 
-minimum_jerk: Flash and Hogan, 1985. cubic: a monotone cubic whose end slopes are at most its mean slope; its peak is
-that between zero slopes.
+minimum_jerk: Flash and Hogan, 1985. cubic: a monotone cubic whose end slopes are at most its mean slope; the ratio is
+that for end slopes of zero, the largest one.
 """
 
 JointValues = Mapping[str, float]

@@ -28,8 +28,8 @@ NO_REPORT_SUFFIX = " does not report"
 class Suspension:
     """Suspension of a node because a sensor has not reported; ``reason`` is such as "the range finder does not report".
 
-    ``timed_out`` is true in the tick in which the suspension has lasted for the run's sensor timeout. Then the node
-    fails, unless a node around it handles that (``retry`` tries again). A reactive composite above it fails.
+    ``timed_out`` is true in the tick in which the suspension has lasted for the run's sensor timeout. The node then
+    fails. A node around it may handle this failure, as ``retry`` does, but a reactive composite above it fails too.
     """
 
     reason: str

@@ -74,7 +74,10 @@ def load_defaults() -> DefaultsKeys:
 
 
 def set_default(word: str, value: str) -> Path:
-    """Set a default in the defaults file and return the file. Raises InvalidFileError, NotEditableError, OSError."""
+    """Set the default ``word`` in the user's defaults file, and return the path of the file.
+
+    Raises InvalidFileError, NotEditableError, OSError.
+    """
     from config.yaml_edit import rewrite, with_value  # noqa: PLC0415 - most commands write no defaults
 
     load_defaults()
@@ -91,7 +94,7 @@ def set_default(word: str, value: str) -> Path:
 
 
 def remove_default(word: str) -> Path:
-    """Remove a default from the file; other lines stay. Return the file.
+    """Remove the default ``word`` from the user's defaults file; other lines stay. Return the path of the file.
 
     Raises InvalidFileError, NotEditableError, OSError.
     """

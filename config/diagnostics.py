@@ -106,7 +106,7 @@ class InvalidFileError(InvalidInputError):
 
 
 def add_diagnostic(diagnostics: list[Diagnostic], diagnostic: Diagnostic) -> None:
-    """Add an error. Raises InvalidFileError with all errors at MAX_DIAGNOSTICS."""
+    """Add an error, unless it follows from an earlier one. Raises InvalidFileError at MAX_DIAGNOSTICS errors."""
     if any(
         diagnostic.mark.line in other.repaired_lines and diagnostic.source.name == other.source.name
         for other in diagnostics

@@ -28,7 +28,7 @@ PART_NAME = "[a-z][a-z0-9_]*"
 
 @keys
 class RobotKeys:
-    """Keys of a robot file apart from its parts."""
+    """Keys at the top of a robot file, such as its name; the sections of its parts have keys of their own."""
 
     robot: str = key(help="Name of the robot.")
     summary: str = key(default="", help="Description in a line.")

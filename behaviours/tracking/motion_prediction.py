@@ -57,7 +57,10 @@ MEMORY_TIME = 1.5
 """Seconds after which the weight of a model's past errors has decayed to a third."""
 
 EVIDENCE_SCALE = 4e-4
-"""Ridge parameter of the fit of a swing in rad^2: with as much data, the fit is half-way between walk and swing."""
+"""Ridge parameter of the fit of a swing: it is added to the sums of squares of the samples, in rad^2.
+
+If a sum is as large as this parameter, the fit is half-way between the models walk and swing.
+"""
 
 SURPRISE_ERROR = radians(1.5)
 """Prediction error in radians above which a sample counts less, because none of the models predicted it."""
@@ -194,7 +197,7 @@ class MotionPredictor:
         return angle, rate
 
     def _limit(self) -> None:
-        """Update the share of a motion back and forth that head or base can follow."""
+        """Update the middle of a motion back and forth, and the share of the motion that head or base can follow."""
         angles = [past.angle for past in self._past]
         low, high, time = min(angles), max(angles), self._past[-1].stamp - self._past[0].stamp
         self._middle = (low + high) / 2

@@ -19,7 +19,10 @@ from missions.assembly.assemble import RealPartFactory
 from missions.assembly.part_factory import Hooks, Overrides, order_parts
 
 PICTURE_TIMEOUT = 8.0
-"""Maximum seconds until a camera's first picture; a network camera reports its error within 5 s."""
+"""Maximum seconds until a camera's first picture.
+
+It is longer than the 5 s after which an unreachable network camera reports its error.
+"""
 
 FAILURE_TIMEOUT = 2.0
 """Maximum seconds until the first picture after the camera has reported an error."""

@@ -133,7 +133,11 @@ def _check_device(
     *,
     resets: bool,
 ) -> Iterator[Finding]:
-    """Yield the findings on a part's device: first on its port, then on the device behind it."""
+    """Yield the findings on a part's device: first on its port, then on the device behind the port.
+
+    ``known_ports`` are the serial ports of the computer, by path and by each other name. A port whose board resets when
+    it is opened is probed only if ``resets`` is True.
+    """
     wired, keys = isinstance(section.keys, SerialKeys), section.keys
     port = (
         known_ports.get(port_name)

@@ -40,9 +40,9 @@ from perception.exposure_clock import MAX_DELAY, MIN_DELAY
 # Trimming with arrow keys.
 
 TRIM_STEPS = (0.5, 1.0, 2.0, 5.0)
-"""Angles in degrees, of which the user selects one, by which a key press trims the head.
+"""Angles in degrees by which one key press can trim the head; the user selects one of them.
 
-A Rodney sketch accepts whole degrees only.
+A head whose Arduino runs a Rodney sketch accepts whole degrees only.
 """
 
 TRIM_HELP = (

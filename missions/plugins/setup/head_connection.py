@@ -158,7 +158,10 @@ def open_head(
     stay: bool = False,
     camera: bool = False,
 ) -> Iterator[OpenHead]:
-    """Open a head of ``config``, with ``ports`` instead of those in its file; see ``open_robot_head``."""
+    """Open a head of ``config``, with ``ports`` instead of those in its file.
+
+    ``virtual`` means that the head is simulated. The other parameters and the errors are as in ``open_robot_head``.
+    """
     keys = head_keys(config, head)
     overrides = Overrides(
         world=load_world(find_file("worlds", "empty")) if virtual else None,

@@ -24,7 +24,7 @@ MIN_TOKEN_LENGTH = 24
 
 
 def token_file() -> Path:
-    """Return the path of the file that stores the tokens."""
+    """Return the path of the file that stores the studio's operator and viewer tokens."""
     return state_folder() / "studio.tokens"
 
 
@@ -42,7 +42,7 @@ def load_tokens(path: Path | None = None) -> tuple[str, str]:
 
 
 def save_tokens(operator: str, viewer: str, path: Path | None = None) -> None:
-    """Store the tokens for later studios, replacing the stored ones. Raises OSError."""
+    """Store the tokens for the next start of the studio, replacing the stored ones. Raises OSError."""
     path = token_file() if path is None else path
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     path.unlink(missing_ok=True)
@@ -58,7 +58,7 @@ MAX_SIGN_INS, MAX_ADDRESSES = 500, 1000
 """Maximum number of sign-ins of each role, and of recorded addresses; the oldest are dropped."""
 
 ONCE_TOKEN_LIFETIME = 120.0
-"""Lifetime of a one-time token in seconds."""
+"""Seconds for which a one-time token is valid, with which the studio opens its page in this computer's browser."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,9 +84,9 @@ class SignIn:
 
 @dataclass(slots=True)
 class StudioAccess:
-    """Tokens and sign-ins of a studio. All sign-ins end with the process, and when the tokens are renewed.
+    """Tokens and sign-ins of a studio. All sign-ins end with the studio's process, and when the tokens are renewed.
 
-    ``save`` stores new tokens in a file for later studios, or is None; ``epoch`` counts the renewals.
+    ``save`` stores new tokens in a file for the next start of a studio, or is None; ``epoch`` counts the renewals.
     """
 
     operator: str = field(default_factory=lambda: secrets.token_urlsafe(24))

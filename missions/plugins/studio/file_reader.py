@@ -28,7 +28,7 @@ WORK_TIMEOUT = 60.0
 """Seconds that a worker process may take for one command or report."""
 
 NICENESS = 5
-"""Niceness of the worker processes: runs have priority."""
+"""Niceness of the worker processes (0 is normal, 19 the lowest priority), so that runs come first."""
 
 HANDLERS: Mapping[str, Callable[[ClientCommand], dict[str, object]]] = {
     **library.HANDLERS,

@@ -50,7 +50,10 @@ class PageOpener:
         self._waiting: Thread | None = None
 
     def open(self) -> None:
-        """Write the file and start the browser; returns at once. If the file cannot be written, report that."""
+        """Write the file that redirects to the page, and open it in the browser; returns at once.
+
+        If the file cannot be written, print a hint to open the link by hand.
+        """
         try:
             path = _write_redirect(self._link(self._access.make_once_token()))
         except OSError as error:

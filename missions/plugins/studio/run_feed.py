@@ -223,7 +223,7 @@ class FeedClient(ClientQueue):
         self._has_more = asyncio.Event()
 
     def flush(self) -> None:
-        """Wake the sender of queued lines."""
+        """Wake the asyncio task that sends the queued lines."""
         self._has_more.set()
 
     def end(self) -> None:
@@ -282,7 +282,7 @@ class RunFeed:
                 self._next_scene = None
 
     def leave(self, client: FeedClient) -> None:
-        """Remove a client; returns at once."""
+        """Remove a client that no longer watches the run; returns at once."""
         client.end()
         if client in self._clients:
             self._clients.remove(client)

@@ -24,7 +24,10 @@ SEARCH_INTERVAL = 0.25
 """Seconds between two searches for new runs."""
 
 COMMAND_END_TIMEOUT = 0.7
-"""Seconds that the answer to a stop waits for commands without a control socket, such as teleop, to end."""
+"""Seconds for which a stop waits until commands such as teleop have ended, before it is answered.
+
+These commands have no control socket, so they cannot confirm the stop.
+"""
 
 MAX_STOP_THREADS = 32
 """Maximum number of threads that stop runs and commands to which the studio has no connection."""
@@ -36,7 +39,10 @@ UNKNOWN_RUN = "unknown"
 """Name of an entry in the list of runs if a search has failed, so that there may be a run that was not found."""
 
 MAX_PENDING_PRESSES = 3
-"""Maximum number of STOP presses for one run that wait and are sent one by one; all further presses share one stop."""
+"""Maximum number of STOP presses for one run that wait to be sent one by one.
+
+All further presses that arrive meanwhile are combined into one stop.
+"""
 
 
 class RunHub:
@@ -95,7 +101,7 @@ class RunHub:
         return [*runs.values(), *({"run": UNKNOWN_RUN, "trouble": error} for error in self._doubts)]
 
     async def search(self) -> None:
-        """Search for new runs. Calls during a search share the next one."""
+        """Search for new runs. All calls that arrive during a search wait for one further search."""
         if self._next_refresh is None:
             self._next_refresh = asyncio.ensure_future(self._run_search())
         await asyncio.shield(self._next_refresh)
@@ -184,7 +190,7 @@ class RunHub:
         return await asyncio.to_thread(stamp_stop)
 
     async def _search_shared(self) -> SearchResult:
-        """Return the runs found now. Calls at the same time share one search."""
+        """Return the runs found now. Calls that arrive during a search wait for one further search."""
         if self._next_search is None:
             self._next_search = asyncio.ensure_future(self._search_next())
         return await asyncio.shield(self._next_search)
@@ -216,10 +222,10 @@ class RunHub:
         return dict(zip(links, results, strict=True))
 
     async def _stop(self, link: AsyncRunLink, by: str, press: str) -> Mapping[str, object]:
-        """Stop one run; return its answer. Calls that arrive during a stop share the next one.
+        """Stop one run; return its answer. All calls that arrive during a stop wait for one further stop.
 
-        This keeps many calls from filling the connection. But each press of STOP (``press``) is sent by itself, since
-        otherwise the release of one press could also release a later one.
+        So many calls cannot fill the connection. But each press of STOP (``press``) is sent by itself: otherwise the
+        release of one press could also release a later press.
         """
         if link not in self._next_stops:
             presses = [press]
@@ -244,7 +250,7 @@ class RunHub:
     ) -> list[tuple[FoundProcess, Mapping[str, object]]]:
         """Stop the runs and commands to which the studio has no connection; return each with its result.
 
-        Concurrent calls share one stop of each process.
+        If a process is already being stopped, the call waits for the result of that stop.
         """
         asking = {}
         for each in others:

@@ -32,7 +32,7 @@ POLL_INTERVAL = 0.05
 """Seconds between two checks for the control socket of a started run."""
 
 RUN_EXIT_CODES = (0, 1)
-"""Exit codes of a run that ended normally before its control socket was seen."""
+"""Exit codes that count as a normal end if a run ends before its control socket was seen: success and failure."""
 
 LAST_OUTPUT_TIMEOUT = 3.0
 """Seconds to wait for the last output of a run that has no control socket any more."""
@@ -78,7 +78,8 @@ class RunLauncher:
     async def start(self, request: StartRun, stops: int | None = None) -> Mapping[str, object]:
         """Start a run; return the answer to the command `start` when the run's control socket exists.
 
-        ``stops`` is the number of stops of all runs when it was requested. Raises BadMessage with the run's own output.
+        ``stops`` is the value of the attribute ``stops`` when the run was requested: if it has grown since, the run
+        does not begin. Raises BadMessage with the run's own output.
         """
         stops = self.stops if stops is None else stops
         words = [*command_arguments(request), f"--seed={request.seed}"]

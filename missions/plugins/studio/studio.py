@@ -291,7 +291,7 @@ class Studio:
         self.versions = {page_edition(), str(PROTOCOL_VERSION)}
 
     def next_client_name(self, role: Role) -> str:
-        """Return a name for a new client."""
+        """Return a name for a new client, such as "operator 2"."""
         self._name_count += 1
         return f"{role} {self._name_count}"
 

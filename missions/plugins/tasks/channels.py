@@ -20,7 +20,7 @@ class NotifiedTask(Protocol):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Channels stored when the task was added."""
+        """Notice channels, encoded as text, that were stored when the task was added."""
         ...
 
 

@@ -170,7 +170,7 @@ class AttemptOutcome:
 def next_state(task: Task, how: How, *, stopped: bool = False) -> State:
     """Return the state of a running task after its attempt.
 
-    An interruption because the server was ``stopped`` does not count towards the maximum.
+    An interruption because the server was ``stopped`` does not count towards the policy's maximum of interruptions.
     """
     if how == "cancelled" or (how != "success" and task.cancelling):
         return "cancelled" if how in ("cancelled", "interrupted") else "failed"

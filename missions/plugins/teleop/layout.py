@@ -173,7 +173,11 @@ class Stick:
 
 @dataclass(frozen=True, slots=True)
 class PadLayout:
-    """Controls of a pad: ``hold`` must be held to drive, each of ``stops`` latches, ``enable`` releases the latch."""
+    """Controls of a game pad by their purpose.
+
+    ``hold`` must be held to drive, each of ``stops`` stops and latches the base, ``enable`` releases the latch.
+    ``ahead`` and ``left`` are the axes of the drive stick.
+    """
 
     hold: Control
     stops: tuple[Control, ...]

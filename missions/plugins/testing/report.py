@@ -16,7 +16,7 @@ from missions.plugins.testing.suite import display_path
 # Coverage of a mission: ticked nodes, their ends, and failure reasons.
 
 Place = tuple[str, int, str, str]
-"""Key of a node: file, line, word and name. A sub-mission counts once, whichever missions run it."""
+"""Key of a node: file, line, word and name. A node of a sub-mission counts once, whichever missions run it."""
 
 
 @dataclass(slots=True)

@@ -91,7 +91,7 @@ class SuiteContext:
     """
     world: str | None = None
     plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)
-    """Valid mission plans by robot and params, shared by the cases."""
+    """Valid mission plans by robot and params, shared by the test file's cases."""
 
     @classmethod
     def read(cls, fields: Fields, keys: SuiteKeys, folder: Path, behaviours: Sequence[Path] = ()) -> "SuiteContext":
@@ -162,7 +162,10 @@ class SuiteContext:
     def _check_mission(
         self, fields: Fields, params: Named[str, tuple[Scalar, Scalar]], robot: RobotConfig
     ) -> Plan | None:
-        """Check the mission as a run would; return its plan, or None. An error in a param is reported in the case."""
+        """Check the mission as a run would; return its plan, or None if the mission itself has errors.
+
+        An error in a param is reported at the param in the test case.
+        """
         if not self.mission:
             return None
         values = {name: value.text for name, (_, value) in params.items()}

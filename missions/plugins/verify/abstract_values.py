@@ -27,7 +27,10 @@ MAX_COUNT = 3
 """Largest whole number, and length of a list, that are kept exactly, so that a mission has finitely many states."""
 
 MIN_UNBOUNDED_ROUNDS = 2
-"""Minimum rounds of a loop that has more than MAX_COUNT rounds. Beyond the minimum, each further round is a choice."""
+"""Minimum number of repetitions explored for a loop that has more than MAX_COUNT repetitions.
+
+Whether the loop ends after each further repetition is a choice.
+"""
 
 MAX_TEXT_LENGTH = 20
 """Maximum length of a text that is kept exactly, in characters."""
@@ -44,14 +47,14 @@ UNKNOWN = Unknown()
 
 
 class UnboundedCount(int):
-    """Count without an upper bound: any round after ``min_rounds`` may be the last."""
+    """Number of a loop's repetitions without an upper bound: any repetition after ``min_rounds`` may be the last."""
 
     oracle: Oracle
     min_rounds: int
 
     @classmethod
     def of(cls, oracle: Oracle, min_rounds: int) -> Self:
-        """Return a count whose end is a choice of ``oracle``."""
+        """Return a count for which ``oracle`` chooses after each repetition whether it was the last."""
         count = cls(min_rounds)
         count.oracle, count.min_rounds = oracle, min_rounds
         return count
@@ -121,10 +124,10 @@ def _describe_reading(name: str, value: object) -> str:
 
 @dataclass(frozen=True, slots=True)
 class NondetValue(Value):
-    """Value that is computed if all its variables are known, and otherwise a choice of ``options``.
+    """Value of an expression that is computed if all its variables are known, and otherwise a choice of ``options``.
 
     If ``never_computed``, it is always a choice. ``abstraction`` is applied to a computed value. If ``only_checked``,
-    the only effect is an error for an unset variable.
+    the value itself does not matter: only an unset variable in the expression has an effect, an error.
     """
 
     oracle: Oracle = field(default_factory=Oracle)

@@ -31,7 +31,7 @@ class ExploredState:
     """An explored state of a mission, and the step by which it was first reached.
 
     ``kind`` is GOING, HALTING, RESTED, or "success" or "failure" for a run that has ended. ``state`` is None if no step
-    follows. ``completes_round`` means that a step from here completes a round of a ``repeat: forever``.
+    follows. ``completes_round`` means that a step from here completes one repetition of a ``repeat: forever``.
     """
 
     kind: str
@@ -147,7 +147,10 @@ class StateSpace:
         return kind
 
     def _add(self, kind: str, predecessor: int, script: Script) -> int:
-        """Return the number of the model's present state, adding it if it is new."""
+        """Return the number of the model's present state, adding the state to the explored ones if it is new.
+
+        ``predecessor`` is the number of the state before, and ``script`` the choices of the step between the two.
+        """
         model = self.model
         live, happened = frozenset(model.watch.live_leaves), model.watch.happened
         goes_on = kind in (GOING, HALTING)

@@ -46,11 +46,11 @@ PASSIVE_MODIFIERS = frozenset(
 
 
 def live_while_running(tree: Step) -> Mapping[str, Names]:
-    """Return, by node key, the variables of the node's own mission that are live while the node runs.
+    """Return, by node key, the variables that a run may still read while the node runs.
 
-    The entry of a parent has only the variables that its own next steps may read; the entries of its running children
-    have the others. The steps of ``tree`` must be abstract (see missions.plugins.verify.model), since a stand-in reads
-    fewer variables than its leaf.
+    Only variables of the node's own mission are returned. The entry of a parent has only the variables that its own
+    next steps may read; the entries of its running children have the others. The steps of ``tree`` must be abstract
+    (see missions.plugins.verify.model), since a stand-in reads fewer variables than its leaf.
     """
     analysis = LivenessAnalysis()
     while analysis.has_grown:

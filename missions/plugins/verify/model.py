@@ -64,9 +64,10 @@ OTHER_CASE = "anything else"
 
 
 def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozenset[str]) -> Step:
-    """Return ``step`` and the steps below it with choices of ``oracle``, observed by ``watch``.
+    """Return ``step`` and the steps below it in abstract form: stand-ins for leaves, abstract values for arguments.
 
-    ``names`` are the variables that are set in its mission.
+    ``oracle`` makes their choices, and the monitor ``watch`` observes them. ``names`` are the variables that are set in
+    the mission of the step.
     """
     inner = step.children[0].variables if step.kind == MISSION else names
     children = tuple(abstract_step(child, oracle, watch, inner) for child in step.children)
@@ -238,7 +239,11 @@ def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMon
 
 
 def _reducible_leaf(node: Node, observed: frozenset[Node]) -> StandIn | None:
-    """Return the leaf below the modifiers of ``node`` whose result is not stored; None if a monitor observes it."""
+    """Return the stand-in below the modifiers of ``node``, if outcomes of it may be dropped; else None.
+
+    Only modifiers that change nothing but the result are passed. None is returned if a property monitor observes the
+    leaf or one of these modifiers.
+    """
     while isinstance(node, InvertModifier | OnFailureModifier | OnSuccessModifier) and node not in observed:
         node = node.child
     return node if type(node).__base__ is StandIn and isinstance(node, StandIn) and node not in observed else None
@@ -268,9 +273,9 @@ def _modified_status(node: Node, status: object) -> object:
 
 
 def variable_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[Node, frozenset[str]]:
-    """Return for each node the variables that it reads at its start and that its mission sets.
+    """Return for each node the variables of its mission that it certainly reads at its start, and so must be set.
 
-    Variables whose absence does no harm are left out.
+    Nodes are left out if a node around them catches their failure, since an unset variable then does no harm.
     """
     read = dict(_read_variables(tree, "1", tree.variables))
     return {node: names for node in nodes if (names := read.get(node.key))}
@@ -315,7 +320,10 @@ class ScopeSnapshots:
             scope.update(thaw(row))
 
     def _live_now(self) -> tuple[frozenset[str] | None, ...]:
-        """Return the live variables of each scope; None for all, before the start and during a halt."""
+        """Return, for each scope, the variables that the run may still read.
+
+        It is None for all variables: before the start of the run, and during a halt.
+        """
         halting = any(isinstance(node, Parent) and node.ending is not None for node in self._nodes)
         if halting or self._nodes[0].status is not RUNNING:
             return (None,) * len(self._scopes)

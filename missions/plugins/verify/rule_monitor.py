@@ -21,11 +21,12 @@ if TYPE_CHECKING:
 
 @dataclass
 class PropertyMonitor:
-    """Monitor of one property: the leaves named in it, and the nodes whose success counts.
+    """Monitor of one property of a mission, such as "never A while B"; A and B are names of nodes or actuators.
 
-    A node's name means all leaves below the nodes of that name; an actuator means the leaves that drive it. "Never A
-    while B" and "without" check running leaves; "before" and "after" remember in ``happened`` that B has succeeded,
-    "always eventually" that A has started.
+    A node's name means all leaves below the nodes of that name; an actuator means the leaves that drive it. ``subject``
+    are the leaves of A, ``other`` the leaves of B. ``counts`` are the nodes whose success counts as "B has succeeded".
+    Properties with "while" and "without" are checked on the running leaves. Those with "before" and "after" remember in
+    ``happened`` that B has succeeded, and "always eventually" remembers that A has started.
     """
 
     promise: MissionProperty

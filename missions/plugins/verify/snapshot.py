@@ -173,7 +173,8 @@ def _recomputes_result(node: Node) -> bool:
 def _row_value(value: object, node: Node, name: str, instants: dict[int, float]) -> object:
     """Return a value as a row stores it: an instant by its number, a count only up to a maximum.
 
-    The maximum is for loops whose number of rounds is not known: larger counts have the same effect there.
+    A maximum is needed only for loops whose number of repetitions is not known. There, all counts from the maximum on
+    have the same effect.
     """
     if isinstance(value, Instant):
         wait = _wait_seconds(node, name)
@@ -208,12 +209,12 @@ def _wait_seconds(node: Node, name: str) -> float | None:
 
 
 def _rounds(node: RetryModifier | RepeatModifier | ForEach) -> object:
-    """Return how often a node runs its child; None for ever."""
+    """Return how often a node repeats its child; None for ever."""
     return node.setting.count if isinstance(node, ForEach) else node.setting
 
 
 def _max_count(node: RetryModifier | RepeatModifier | ForEach) -> int:
-    """Return the largest number of rounds that a state stores: larger numbers have the same effect."""
+    """Return the largest number of repetitions that a state stores: larger numbers have the same effect."""
     rounds = _rounds(node)
     return rounds.min_rounds if isinstance(rounds, UnboundedCount) else 0
 

@@ -61,7 +61,7 @@ class Zone:
                 row[k] = min(row[k], add_bounds(way, rest))
 
     def advance(self, keep: Mapping[int, float]) -> Rows:
-        """Return the zone at an unknown later time, with the instants ``keep`` only, in that order, and a new now.
+        """Return the zone after an unknown time, with the instants ``keep`` in this order, and the present instant.
 
         ``keep`` maps each instant to the longest wait from it: ages beyond that are not distinguished.
         """

@@ -429,7 +429,10 @@ def _compare_turns(gyro: float, wheels: float, commanded: float, *, counted: boo
 
 
 def _wheel_signs(moved: InstrumentReadings, commanded: float) -> Signs:
-    """Return the direction of each wheel according to the encoders; a wheel that hardly moved counts as still."""
+    """Return the direction of each wheel according to the encoders; a wheel that hardly moved counts as still.
+
+    ``commanded`` is the distance in metres that each wheel should have rolled.
+    """
     left, right = (
         0 if abs(way) < MIN_WHEEL_SHARE * commanded else 1 if way > 0 else -1 for way in (moved.left, moved.right)
     )

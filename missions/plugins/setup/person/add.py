@@ -58,12 +58,12 @@ def method_note(camera: CameraKeys | None) -> str:
 
 
 def people_for(robot: str | None) -> People:
-    """Return the people that a robot knows; without a robot, the user's."""
+    """Return the people that a robot knows; without a robot, the people in the user's default folder."""
     return people_of(camera_keys(robot))
 
 
 def report_people_errors(command: Callable[..., int]) -> Callable[..., int]:
-    """Decorate a command to print PeopleError and return FAILURE."""
+    """Decorate a command: if it raises PeopleError, print the error and return the exit code FAILURE."""
 
     @functools.wraps(command)
     def wrapped(*arguments: Any, **named: Any) -> int:

@@ -265,8 +265,8 @@ def _choose_unprobed_part(
 ) -> RobotPart | None:
     """Ask whether the robot has a part that was not found by probing; return the part, or None.
 
-    Offered is the part of the ``reference`` robot, otherwise a default part that needs no serial port, such as a
-    camera.
+    The question offers the part of the ``reference`` robot. Without one, it offers a default part that needs no serial
+    port, such as a camera.
     """
     driver = None if reference is None else reference.drivers.get(part)
     if reference is not None and driver is not None:

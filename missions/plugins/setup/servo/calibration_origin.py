@@ -1,4 +1,4 @@
-"""Identity of calibrated servos: stored beside the calibration file, and compared before a restore.
+"""Identity of calibrated servos: stored beside the calibration file, and compared before that calibration is restored.
 
 Servos report no serial number. So model, firmware and all settings that a calibration does not change are compared. The
 position of each servo must lie within the restored range.
@@ -31,7 +31,8 @@ IDENTITY_REGISTERS = ("model_number", "firmware")
 """Servo registers that no setting changes."""
 
 POSITION_TOLERANCE = 60
-"""Distance in steps (60 are 5 degrees) by which a joint may be outside its calibrated range when it is compared."""
+"""Steps (60 are 5 degrees) by which a joint may be outside its calibrated range and still count as the calibrated one.
+"""
 
 MAX_FILE_BYTES = 1_000_000
 """Maximum size in bytes of the file that identifies calibrated servos."""
@@ -105,9 +106,9 @@ def _unreadable_error(file: Path, error: Exception) -> BadRequest:
 
 
 def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path) -> str:
-    """Return a warning if the joints' servos now match another LeRobot calibration file, which will no longer fit.
+    """Return a warning if writing the calibration ``file`` makes another calibration file useless; else an empty text.
 
-    Otherwise return an empty text. ``file`` is the calibration file that will be written to the servos. Raises NoReply,
+    That is so if the joints' servos now have the values of another file that LeRobot has stored. Raises NoReply,
     NotConnected, BadRequest.
     """
     held = {

@@ -42,9 +42,10 @@ class ForeignJoints:
 
 
 def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
-    """Return the joints of a file in a ``form`` that ``config.foreign`` knows; all its servos are of ``model``.
+    """Return the joints of a file of another program; all its servos are of ``model``.
 
-    Raises InvalidFileError with the reason if the file cannot be imported.
+    ``form`` is the format of the file, a ``ForeignFile.form`` of config.foreign_files. Raises InvalidFileError with the
+    reason if the file cannot be imported.
     """
     found = ForeignJoints()
     try:

@@ -150,7 +150,7 @@ def _register_row(model: ServoModel, register: Register, value: int) -> list[str
 
 
 def meaning(model: ServoModel, register: Register, value: int) -> str:
-    """Return the meaning of a register's value, such as "12.1 V"; empty if it is a plain number or a mask."""
+    """Return the meaning of a register's value, such as "12.1 V"; empty if it is a plain number or a bit mask."""
     if register.name == "model_number":
         return model.name
     if register.name == "firmware" and register.size == 2:
@@ -312,7 +312,10 @@ def _require_one_ping(bench: OpenBus, at: ServoAddress) -> None:
 def _write_registers(
     bench: OpenBus, wanted: Mapping[ServoAddress, tuple[ServoModel, Mapping[str, int]]], *, yes: bool
 ) -> int:
-    """Print the changes, confirm them, and write them; return the exit code."""
+    """Print the register changes, ask the user to confirm them if necessary, and write them; return the exit code.
+
+    ``wanted`` has the raw values by servo and register name.
+    """
     plans = {at: plan_changes(bench.bus, at, model.table, values) for at, (model, values) in wanted.items()}
     for at, changes in plans.items():
         model, values = wanted[at]

@@ -87,7 +87,7 @@ DEFAULT_LATE_LIMIT = 3600.0
 """Default for `--late` of a task with a time, in seconds."""
 
 POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
-"""Interruption policy of a task by the mission's `if_interrupted`."""
+"""Interruption policy of a task, by the value of `if_interrupted` in its mission; empty if the mission has none."""
 
 
 def _numbers(ctx: click.Context, param: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -232,7 +232,7 @@ def _as_json(task: Task) -> dict[str, object]:
 
 
 def _check(request: RunRequest) -> Plan:
-    """Return the mission; raise the errors that `mission run` would raise for this request."""
+    """Return the checked plan of the mission; raise the errors that `mission run` would raise for this request."""
     from missions.cli.request_checks import check_people  # noqa: PLC0415 - slow imports that other subcommands do not need
     from missions.runner import load_plan, requested_robot  # noqa: PLC0415
 

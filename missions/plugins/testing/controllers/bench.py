@@ -36,12 +36,12 @@ _TIME_STEP = 0.0005
 class Score:
     """Score of a controller in a trial of face tracking.
 
-    ``centred`` is the time in seconds from which the face stayed centred, None if it never did. ``bound`` is the
-    earliest possible time if the face's motion is known from the first picture on, ``known`` that time if the motion
-    must first be observed. ``overshoot`` is the first overshoot and ``rms`` the mean error while following, both in
-    radians; a ``lost`` face has no ``rms``. ``swings`` counts how often the error changes its sign beyond
-    ``CENTRED_ERROR``. ``delay_error`` is the final error of the measured camera delay, None if the delay is unknown;
-    ``worst_known`` is the largest error while it was known; both in seconds.
+    ``centred`` is the time in seconds from which the face stayed centred, None if it never did. ``bound`` and ``known``
+    are the earliest possible times: ``bound`` if the motion of the face is known from the first picture on, ``known``
+    if it must first be observed. ``overshoot`` is the first overshoot and ``rms`` the root mean square error while
+    following, both in radians; a ``lost`` face has no ``rms``. ``swings`` counts how often the error changes its sign
+    beyond ``CENTRED_ERROR``. ``delay_error`` is the final error of the measured camera delay, None if the delay is
+    unknown. ``worst_known`` is its largest error while the delay was known. Both are in seconds.
     """
 
     centred: float | None
@@ -123,10 +123,11 @@ def _swings(errors: Sequence[float]) -> int:
 
 
 def time_optimal_bound(scenario: Scenario, ability: Ability, lag: float = 0.0) -> float:
-    """Return the earliest time in seconds from which the error can stay within ``CENTRED_ERROR``.
+    """Return the earliest time in seconds from which the camera can be kept within ``CENTRED_ERROR`` of the face.
 
-    The motion is time-optimal: at rest during the latency and a base's ``lag``, then full acceleration and braking so
-    as to meet the face at the far edge of the centred range. 0 if no motion of the face can be foreseen.
+    A body with this ``ability`` is simulated in its fastest motion. It stands still during the latency and a base's
+    ``lag``. Then it accelerates fully, and brakes so that the face is just within the permitted error. The result is 0
+    if no motion of the face can be foreseen.
     """
     if scenario.foreseeable_until <= 0.0:
         return 0.0

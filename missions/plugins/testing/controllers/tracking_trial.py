@@ -324,7 +324,7 @@ class FilteredSight(NewestView):
 
 
 WARM_UP_TIME = 2.0
-"""Seconds for the robot to look at its start direction."""
+"""Seconds at the begin of a trial in which the robot looks at its start direction, before the first picture."""
 
 FRAME_INTERVAL = 0.05
 """Seconds between two pictures, and between two scheduled ticks. A processed picture also wakes a tick."""
@@ -333,7 +333,7 @@ FRAME_PHASE = 0.02
 """Offset of pictures from scheduled ticks in seconds: they are not synchronised."""
 
 SAMPLE_INTERVAL = 0.01
-"""Seconds between two samples of the error."""
+"""Seconds between two samples of the tracking error."""
 
 HEAD_LIMITS = HeadLimits(pan=(radians(-80), radians(80)), tilt=(radians(-60), radians(20)), speed=radians(120))
 """Limits of the Rodney head, as in the robot files."""

@@ -29,7 +29,7 @@ FIRST_SEED = 100
 """First seed of the tuning trials. The benchmark uses other seeds, so that tuning cannot overfit to them."""
 
 MAX_LOG_FACTOR = log2(2.5)
-"""Base-2 logarithm of the largest factor: numbers change by up to 2.5 times either way."""
+"""Base-2 logarithm of the largest factor by which tuning changes a number: 2.5 times larger or smaller."""
 
 NEVER_CENTRED_COST, LOST_FACE_COST, INVALID_COST = 10.0, 50.0, 1000.0
 """Costs of never centring the face, of losing it, and of an invalid controller."""
@@ -158,7 +158,11 @@ def figure_groups(source: SourceText, rules: str) -> list[FigureGroup]:
 
 
 def cost_of(found: Score) -> float:
-    """Return the cost of a score: ratio to the bound, overshoot and error in degrees, each about 1 if good."""
+    """Return the cost of a score; lower is better.
+
+    It is the sum of the ratio of the centring time to its bound, the overshoot in degrees, and twice the RMS error in
+    degrees; each is about 1 if it is good.
+    """
     if found.rms is None:
         return LOST_FACE_COST
     centred = NEVER_CENTRED_COST if found.ratio is None else min(found.ratio, NEVER_CENTRED_COST)
@@ -166,7 +170,10 @@ def cost_of(found: Score) -> float:
 
 
 def _initial_population(size: int, knobs: int, seed: int) -> npt.NDArray[np.float64]:
-    """Return ``size`` sets of initial factors, shape (size, knobs), drawn near 0, the current numbers."""
+    """Return ``size`` random sets of factors for the search, as an array of shape (size, knobs).
+
+    ``knobs`` is the number of groups to tune. The factors are base-2 logarithms; 0 leaves a number unchanged.
+    """
     return (
         np.random.default_rng(seed).normal(0.0, MAX_LOG_FACTOR / 3, (size, knobs)).clip(-MAX_LOG_FACTOR, MAX_LOG_FACTOR)
     )

@@ -49,7 +49,10 @@ def run_here(sweep: SweepPlan, seeds: Chunk, workers: int, *, work: Work = run_s
 def _run_pooled(
     sweep: SweepPlan, waiting: deque[Chunk], lost: list[int], workers: int, work: Work
 ) -> Iterator[SweepRow]:
-    """Run the waiting chunks; if a worker dies, stop, and add the seeds in the pool to ``lost``."""
+    """Run the ``waiting`` chunks of seeds in a pool of worker processes, and yield the rows.
+
+    If a worker dies, stop, and add all seeds that were submitted but have no row to ``lost``.
+    """
     running: dict[Future[list[SweepRow]], Chunk] = {}
     with _worker_pool(min(workers, len(waiting))) as pool:
         try:
@@ -106,7 +109,10 @@ def _submit(pool: ProcessPoolExecutor, work: Work, sweep: SweepPlan, chunk: Chun
 
 
 def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[SweepRow]:
-    """Do the work, but end the worker at an interrupt, which would otherwise end only the run that is going on."""
+    """Do the work in a worker process; a Ctrl-C ends the process.
+
+    Otherwise a Ctrl-C would end only the present run, and the worker would go on with its next seed.
+    """
     try:
         return work(sweep, chunk)
     except KeyboardInterrupt:
@@ -115,7 +121,10 @@ def _exit_on_interrupt(work: Work, sweep: SweepPlan, chunk: Chunk) -> list[Sweep
 
 @contextmanager
 def _defer_interrupts() -> Iterator[None]:
-    """Make processes that are started in the context ignore Ctrl-C; raise a Ctrl-C that comes meanwhile at its end."""
+    """Make processes that are started in the context ignore Ctrl-C.
+
+    If Ctrl-C is pressed meanwhile, KeyboardInterrupt is raised in this process at the end of the context.
+    """
     pending: list[int] = []
     ours = threading.current_thread() is threading.main_thread()  # no other hears of it
     handler = signal.signal(signal.SIGINT, lambda number, _: pending.append(number)) if ours else None
