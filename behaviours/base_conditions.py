@@ -76,7 +76,7 @@ class _SideCondition(BaseCondition):
 
     @abstractmethod
     def sensor_sides(self, state: BaseState) -> Sides:
-        """Return the sensor's left, centre and right."""
+        """Return at which of its three sides (left, centre, right) the sensor is triggered."""
 
 
 class Bumped(_SideCondition):

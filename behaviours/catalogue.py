@@ -120,4 +120,4 @@ class Catalogue(Mapping[str, type[Leaf]]):
 
 
 LEAVES: Mapping[str, type[Leaf]] = Catalogue(LEAF_PATHS)
-"""All leaves of MissionTree."""
+"""All leaves that ship with MissionTree, by tag."""

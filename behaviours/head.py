@@ -34,7 +34,7 @@ class PerceptLeaf(Leaf, Generic[P]):
     @property
     @abstractmethod
     def age_limit(self) -> float:
-        """Maximum age of a percept in seconds."""
+        """Age in seconds up to which a percept counts as in view."""
 
     @abstractmethod
     def percepts(self) -> Sequence[P]:

@@ -178,7 +178,7 @@ ARM_ARGUMENT: str = argument("arm", "which arm, of a robot that has several", de
 
 
 class JointPath(Protocol):
-    """Positions of joints over time."""
+    """Path of joints: their planned positions at any time."""
 
     def at(self, time: float) -> Mapping[str, float]:
         """Return the positions (radians) at ``time`` seconds after the start."""

@@ -71,7 +71,7 @@ class _AnyJoint(Leaf):
 
     @abstractmethod
     def state_text(self, state: JointState) -> str:
-        """Return the relevant part of the state as text."""
+        """Return the measurement on which the condition depends as text, such as a temperature."""
 
     def update(self) -> Status:
         states, names = self.robot.arm.states(), self.robot.joint_ranges.resolve(self.joints)

@@ -172,7 +172,7 @@ class PlaybackLeaf(JointMotion):
     @property
     @abstractmethod
     def movement(self) -> Movement:
-        """Movement to play."""
+        """Movement (keyframes of joint angles) that the leaf plays."""
 
     def joint_violations(self, reach: JointRanges) -> list[str]:
         return reach.limit_violations(frame.positions for frame in self.movement.keyframes)
@@ -273,7 +273,7 @@ class Play(PlaybackLeaf):
 
 
 class MoveRecording(Protocol):
-    """Movement that is being recorded."""
+    """Recording in progress of a movement of joints."""
 
     @property
     def seconds(self) -> float:
@@ -290,7 +290,7 @@ class MoveRecording(Protocol):
 
 
 class MoveDestination(Protocol):
-    """File to record a movement into."""
+    """New file into which a movement can be recorded."""
 
     @property
     def path(self) -> Path:

@@ -186,7 +186,7 @@ ACT_TIME_LIMIT = 20.0
 """Seconds that standing up or sitting down may take."""
 
 DEFAULT_CYCLE_TIME = 2.0
-"""Seconds of a cycle of a gait without a period."""
+"""Assumed seconds for one cycle of a gait whose file gives no period."""
 
 UPRIGHT_TIMEOUT = 2.0
 """Seconds after the last pose of a movement within which the robot must be upright."""

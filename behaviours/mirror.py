@@ -32,9 +32,9 @@ GOAL_TIME = 0.1
 class _LeaderFollowerLeaf(Leaf):
     """Base class of leaves that make leaders limp and let followers follow them, until halted.
 
-    A halt restores the torque of the leaders. After an interruption (a pause holds all joints), the followers approach
-    slowly again. After a lost bus, the driver itself does that and resumes. If leaders and followers are on different
-    arms, no driver has both, so each tick sends the goals.
+    A halt restores the torque of the leaders. A pause holds all joints; afterwards the followers approach slowly again.
+    If the servo bus was disconnected, the driver itself lets them approach slowly and then follow. If leaders and
+    followers are on different arms, no driver has both, so each tick sends the goals.
     """
 
     needs = frozenset({"arm"})
@@ -165,7 +165,7 @@ class _LeaderFollowerLeaf(Leaf):
 
     @abstractmethod
     def state_text(self) -> str:
-        """Return the present activity as text."""
+        """Return the present activity of the leaf as text, such as which joints follow."""
 
     def terminate(self, new_status: Status) -> None:
         del new_status

@@ -82,7 +82,7 @@ class PyTreesLeaf(Leaf):
 
 
 class WrappedInstance(PyTreesLeaf):
-    """Leaf around an existing behaviour or tree."""
+    """Leaf around an existing py_trees behaviour or tree."""
 
     tag = "py_trees"
 

@@ -106,7 +106,7 @@ class RunState:
         return self.clock.now() if held is None else held
 
     def record_heartbeat(self) -> None:
-        """Record that the loop is alive."""
+        """Record the time at which the tick loop was last alive, for the watchdog."""
         self.heartbeat_at = self.wall.now()
 
     def wake(self) -> None:

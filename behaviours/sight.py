@@ -72,7 +72,7 @@ def may_be_same_person(face: Face, stored_face: Face) -> bool:
 
 
 FACE_OUTPUT_DOC = "the face: id, name (if names are used), yaw, pitch, distance"
-"""Description of a face as output."""
+"""Text that describes the output of leaves that store a face."""
 
 NAME_TIMEOUT = 2.0
 """Seconds for which a search waits until the name of a face is decided; most take half a second."""

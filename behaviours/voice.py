@@ -14,14 +14,14 @@ EMOTICONS = {
     Mood.SAD: r"[:=]'?-?[(\[]+",
     Mood.SURPRISED: r"[:=]-?[Oo]",
 }
-"""Emoticons of each mood as patterns."""
+"""Regular expression of the emoticons of each mood."""
 EMOJI = {
     Mood.HAPPY: "\u263a\U0001f600-\U0001f60a\U0001f642\U0001f643\U0001f929\U0001f970",
     Mood.SAD: "\u2639\U0001f61e\U0001f61f\U0001f622\U0001f625\U0001f62d\U0001f641",
     Mood.SURPRISED: "\U0001f62e\U0001f62f\U0001f632\U0001f633",
     Mood.ASLEEP: "\U0001f62a\U0001f634\U0001f4a4",
 }
-"""Emoji of each mood as character sets."""
+"""Emoji of each mood, as the characters of a regular expression's set."""
 
 SMILEY = re.compile(
     r"\s*(?:(?<![\w/])(?:"
@@ -69,7 +69,7 @@ class SpeechLeaf(Leaf):
     @property
     @abstractmethod
     def activity(self) -> str:
-        """Present activity as text."""
+        """Present activity of the leaf as text, such as the text that is being spoken, for its reason."""
 
     def initialise(self) -> None:
         self._again, self._utterance = False, None

@@ -64,7 +64,7 @@ class RuleBaseKeys:
 
 @keys
 class ControllerFileKeys:
-    """Keys of a controller file."""
+    """Keys of a controller file: name, summary, and the rule base of each axis."""
 
     controller: str = key(help="Name.")
     summary: str = key(default="", help="Description in a line.")

@@ -141,5 +141,5 @@ def user_files(kind: str) -> dict[str, Path]:
 
 
 def _has_content(text: str) -> bool:
-    """Return True if a text has more than comments."""
+    """Return True if a YAML text has a line that is neither empty nor a comment."""
     return any(line.strip() and not line.lstrip().startswith("#") for line in text.splitlines())

@@ -65,7 +65,7 @@ class KeyframeKeys:
 
 @keys
 class GestureKeys:
-    """Keys of a gesture file."""
+    """Keys of a gesture file: name, summary, interpolation and keyframes."""
 
     gesture: str = key(help="Name.")
     summary: str = key(default="", help="Description in a line.")

@@ -186,7 +186,7 @@ KIND_USES: Mapping[str, str] = {
 """Command, or line of a mission, that uses a file of each kind."""
 
 RECORD_MAGIC = b"\x89MCAP0"
-"""First bytes of a record."""
+"""First bytes of a record, which is an MCAP file."""
 
 MAX_HEAD_BYTES = 65_536
 """Number of bytes at the start of a file that are searched for keys."""

@@ -165,7 +165,7 @@ class NoticeKeys:
         return WebhookKeys(url=self.webhook) if isinstance(self.webhook, str) else self.webhook
 
     def config(self) -> NoticeConfig:
-        """Return the channel that these keys declare."""
+        """Return the channel (program, web server or MQTT topic) that these keys declare."""
         if self.command is not None:
             return CommandNotice(self.command)
         if (web := self.address) is not None:
@@ -201,5 +201,5 @@ NoticeEntry = (
 
 
 def notice_of(entry: Literal["terminal"] | NoticeKeys) -> NoticeConfig:
-    """Return the channel of an entry of ``notices``."""
+    """Return the notice channel that an entry of ``notices`` declares."""
     return TerminalNotice() if isinstance(entry, str) else entry.config()

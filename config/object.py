@@ -35,7 +35,7 @@ PHRASE_EXAMPLES = "such as 'red ball', 'big blue box' or 'yellow round object'"
 
 @keys
 class ObjectKeys:
-    """Keys of an object file."""
+    """Keys of an object file: name, colour, shape and size of an object to look for."""
 
     object: str = key(help="Name.")
     summary: str = key(default="", help="Description in a line.")

@@ -27,7 +27,7 @@ class PlaceKeys:
 
 @keys
 class PlacesKeys:
-    """Keys of a places file."""
+    """Keys of a places file, which names poses on a robot's map."""
 
     places: Mapping[str, PlaceKeys] = key(default={}, help="Places by name.")
 
@@ -44,7 +44,7 @@ def load_places(path: Path) -> Mapping[str, PlaceKeys]:
 
 
 def places_text(places: Mapping[str, PlaceKeys]) -> str:
-    """Return the text of a places file."""
+    """Return ``places`` as the YAML text of a places file."""
     lines = ["places:" if places else "places: {}"]
     for name, it in sorted(places.items()):
         at = f"x: {it.x:.3f} m, y: {it.y:.3f} m, heading: {degrees(it.heading):.1f} deg"

@@ -189,7 +189,7 @@ FORM_TEXTS: Mapping[Form, str] = {
     "named": "a mapping of names to values",
     "section": "a mapping of keys to values",
 }
-"""Description of each form in error messages."""
+"""Description of each form of a value, such as "a plain number", for error messages."""
 
 
 def _add_form_error(fields: Fields, key: Key, word: str, node: Node) -> Any:

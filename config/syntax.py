@@ -52,7 +52,7 @@ def forbidden_character(source: SourceText) -> Diagnostic | None:
 
 
 def syntax_diagnostic(source: SourceText, error: yaml.YAMLError) -> Diagnostic:
-    """Return a diagnostic for a parser error."""
+    """Return a diagnostic, with a helpful message, for an error of the YAML parser."""
     if not isinstance(error, yaml.MarkedYAMLError):
         return Diagnostic(source, Mark(), f"not YAML: {error}")
     problem, context = error.problem or "cannot be read", error.context or ""
@@ -326,7 +326,7 @@ def _repair_candidates(lines: list[str], begin: int, found: int) -> Iterator[tup
 
 
 def _with_colon(line: str) -> Iterator[str]:
-    """Yield the line with a missing colon added."""
+    """Yield the possible repairs of a line that lacks a colon."""
     if (alone := _WORD_ALONE.fullmatch(line)) is not None:
         yield f"{alone[1]}:"
     if (words := _WORDS.fullmatch(line)) is not None:

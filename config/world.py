@@ -110,7 +110,7 @@ class PhysicsConfig:
 
 @keys
 class CameraConfig:
-    """Errors of the robot's camera."""
+    """Errors of the robot's camera in a world, such as noise and lost pictures."""
 
     noise: float | None = key(
         default=None, low=0.0, high=80.0, help=f"In grey levels of 255; {DEFAULT_NOISE:g} if not given."
@@ -191,7 +191,7 @@ class WorldConfig:
 
     @property
     def dropouts(self) -> float:
-        """Share of lost pictures; by default that of the base's lost reports."""
+        """Share of lost pictures; by default the share of the base's reports that are lost."""
         return self.physics.dropouts if self.camera.dropouts is None else self.camera.dropouts
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:

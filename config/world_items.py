@@ -146,18 +146,18 @@ class EdgeConfig(FloorItem):
 
     @property
     def length(self) -> float:
-        """Size along x in metres."""
+        """Size of the hole along x in metres."""
         return self.size[0]
 
     @property
     def width(self) -> float:
-        """Size along y in metres."""
+        """Size of the hole along y in metres."""
         return self.size[1]
 
 
 @keys
 class DockConfig(FloorItem):
-    """Dock of the base."""
+    """Charging dock of the base."""
 
     heading: float = key("angle", help="Direction that it faces.")
 

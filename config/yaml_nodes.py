@@ -41,7 +41,7 @@ class Scalar:
 
 @dataclass(slots=True)
 class Listing:
-    """YAML sequence."""
+    """YAML sequence (a list) with the positions of its items."""
 
     mark: Mark
     items: "list[Node]" = field(default_factory=list)

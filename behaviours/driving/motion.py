@@ -65,7 +65,7 @@ class MotionClock:
         self._at: float | None = None
 
     def restart(self) -> None:
-        """Reset the counted seconds to 0."""
+        """Reset the counted seconds to 0, for a new motion."""
         self.spent, self._at = 0.0, None
 
     def stop(self) -> None:
@@ -120,12 +120,12 @@ CRAWL_SPEED = 0.02
 """Speed in m/s of the last part of an approach, so that the base rolls on for only a few millimetres."""
 
 CRAWL_TURN_RATE = math.radians(4)
-"""Turn rate in rad/s of the last part of a turn."""
+"""Turn rate in rad/s of the last part of a turn, so that the base turns on only a little after the stop."""
 
 REACTION_TIME = 0.25
 """Seconds from a report of the base until the command that answers it takes effect.
 
-It is the dead time of a Kobuki (users measured 0.2 s) and a tick.
+It is the sum of the dead time of a Kobuki (users measured 0.2 s) and a tick.
 """
 
 RANGE_GUARD_TIMEOUT = 5.0
@@ -208,8 +208,8 @@ class BaseMotion(Leaf):
     def seconds_needed(self, state: BaseState, start: Pose2D) -> float | None:
         """Return the expected seconds of the motion from ``state`` on; None for a motion that runs until it is halted.
 
-        ``start`` is the pose at the start. The time limit is computed from the result. If the base's limits change, it
-        is called again with the same state.
+        ``start`` is the pose of the base at the start of the leaf. The time limit is computed from the result. If the
+        base's limits change, the method is called again with the same state.
         """
         del state, start
         return None
@@ -373,9 +373,9 @@ The wheels of a Kobuki then turn at 4 mm/s; its commands are in whole mm/s.
 """
 
 MAX_NUDGE_TIME = 5.0
-"""Maximum seconds by which a correction extends the time limit.
+"""Maximum seconds by which a heading correction extends the time limit of a turn.
 
-Without such a bound it could be long: if the base reports rarely, a turn can end several degrees off.
+A correction can take long if the base reports rarely, because the turn may then end several degrees off.
 """
 
 MAX_NUDGES = 3

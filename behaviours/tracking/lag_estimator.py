@@ -38,7 +38,7 @@ MEMORY_REPORTS = 500
 """Number of reports after which the weight of an old report has decayed to a third."""
 
 HISTORY_DURATION = 1.0
-"""Seconds for which commands are stored."""
+"""Seconds for which the commands sent to the base are stored."""
 
 MAX_REPORT_GAP = 0.3
 """Maximum seconds between two reports before the simulation restarts."""

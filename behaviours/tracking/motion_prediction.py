@@ -50,7 +50,7 @@ stamps say.
 KEPT_EXPERIENCE_SHARE = 0.1
 """Share of the past prediction errors that still counts after a target has set off.
 
-It is not 0, so that a target that starts and stops often does not make bad models look good.
+If it were 0, a model with large errors would count as good each time that a target starts again.
 """
 
 MEMORY_TIME = 1.5

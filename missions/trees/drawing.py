@@ -107,7 +107,7 @@ class TreeBox:
 
     @property
     def untitled_arguments(self) -> Mapping[str, str]:
-        """Arguments that are not in the title."""
+        """Arguments of the node that its title does not show already."""
         return {} if self.said and not self._has_name else self.arguments
 
     @property

@@ -111,7 +111,7 @@ class ViewFeed:
     # --- asked by the view's thread -----------------------------------------------------------------------------------
 
     def take_changes(self) -> Json:
-        """Return all changes since the last call."""
+        """Return all changes of the run's state since the last call."""
         if not self._in_tick:
             self.poll_parts()
         executive = self._executive

@@ -28,7 +28,7 @@ def count_text(number: int, noun: str) -> str:
 
 
 def percept_name(percept: Percept) -> str:
-    """Return the name of a percept, or its number."""
+    """Return the name of a percept; without a name, its kind and number, such as "face 3"."""
     match percept:
         case Face(name=name) if name not in ("", UNKNOWN):
             return name

@@ -85,7 +85,7 @@ def _camera(robot: RobotConfig) -> CameraKeys:
 def _changes_only_lens(old: RobotConfig, source: SourceText, entries: dict[str, str]) -> bool:
     """Return whether the edited text of a robot file changes only the lens keys ``entries`` of the ``old`` robot.
 
-    It might change more: a YAML anchor of the lens may be used elsewhere too.
+    The edit changes more, for example, if the file uses a YAML anchor of the lens elsewhere too.
     """
     try:
         new = parse_robot(source)

@@ -36,9 +36,9 @@ def camera_frames(
 ) -> Iterator[tuple[float, Image]]:
     """Yield the pictures of a camera or film, each with the time (s) since it was opened.
 
-    It ends after ``seconds``, or with the film. ``size`` is the requested picture size, ``turn`` how the pictures are
-    rotated and flipped. While a live source is interrupted, it waits. Raises NotConnected if no picture arrives in
-    time.
+    The iterator ends after ``seconds``, or with the film. ``size`` is the requested picture size, ``turn`` how the
+    pictures are rotated and flipped. While a live source is interrupted, the iterator waits. Raises NotConnected if no
+    picture arrives in time.
     """
     clock = SystemClock()
     with closing(open_source(source, clock, size=size, loop=False, report=print_camera_status, turn=turn)) as camera:

@@ -62,7 +62,7 @@ VIRTUAL_PORT_PREFIX = "/dev/pts/"
 
 @dataclass(frozen=True, slots=True)
 class PartFinding:
-    """A finding about a part of the robot."""
+    """A finding of a check-up (ok, warning or failure), with the name of the part of the robot that it is about."""
 
     part: str
     finding: Finding

@@ -23,7 +23,7 @@ def list_command() -> None:
 
 
 def print_models() -> None:
-    """Print each model and its state."""
+    """Print each trained model, and whether it is installed."""
     where = models_folder()
     for _, model in sorted(MODELS.items()):
         state = f"in {where / model.file}" if is_fetched(model, where) else f"mission robot models fetch {model.name}"

@@ -93,7 +93,7 @@ def command(
 def _find_ros2_section(robot: str | None, *, own: bool) -> Section | None:
     """Return the section ros2 of the named robot's file; None without one.
 
-    If no robot is named and ``own`` is True, it is that of this computer's own robot. Raises InvalidFileError and
+    If no robot is named and ``own`` is True, this computer's own robot is used. Raises InvalidFileError and
     UnknownNameError for a named robot.
     """
     if robot is not None:
@@ -113,7 +113,7 @@ def _ros2_lines(found: list[Finding]) -> Iterator[str]:
 
 
 def scan_lines(scan: HardwareScan) -> Iterator[str]:
-    """Yield the connected devices as lines."""
+    """Yield the connected devices as lines for the terminal."""
     for plug in scan.ports:
         yield from port_lines(plug)
     for usb, trouble in scan.portless_adapters:
@@ -138,7 +138,7 @@ def scan_lines(scan: HardwareScan) -> Iterator[str]:
 
 
 def port_lines(plug: ScannedPort) -> Iterator[str]:
-    """Yield the facts about a serial port as lines."""
+    """Yield lines for the terminal about a serial port: its names, adapter, and the device that replied."""
     port, heard = plug.port, plug.scan
     yield f"{port.path}  {port.title}"
     if port.call != port.path:
@@ -213,7 +213,7 @@ def watch_devices(
 
 
 def device_lines(scan: HardwareScan, paths: frozenset[str]) -> Iterator[str]:
-    """Yield lines about the devices at ``paths``."""
+    """Yield lines for the terminal about the devices at ``paths``."""
     for plug in scan.ports:
         if plug.port.path in paths:
             yield from port_lines(plug)

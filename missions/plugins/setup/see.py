@@ -75,7 +75,7 @@ class SeenFace:
 
 @dataclass(frozen=True, slots=True)
 class FrameContents:
-    """All percepts of a frame."""
+    """All percepts of a frame: faces, objects and markers."""
 
     faces: tuple[SeenFace, ...]
     things: tuple[Thing, ...]
@@ -136,7 +136,7 @@ class FrameAnalyser:
         return SeenFace(box, self._eyes.find(image, box), lens.face_distance(box), name)
 
     def _reset(self) -> None:
-        """Reset the trackers, since a new file begins."""
+        """Reset the trackers, because the next frame is from another file."""
         self._finder = FaceFinder(self._detector)
         self._things = ThingSense(self._objects, COLOURS)
         self._markers = None if self._family is None else MarkerSense(MarkerSet(self._family))

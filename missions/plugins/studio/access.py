@@ -123,7 +123,7 @@ class StudioAccess:
 
     @property
     def is_once_open(self) -> bool:
-        """Whether the one-time token is still unused."""
+        """Whether there is a one-time token that has not been used."""
         return bool(self._once_digest)
 
     def renew(self) -> None:

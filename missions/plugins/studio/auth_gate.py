@@ -115,7 +115,10 @@ class AuthGate:
         return None
 
     def _check_cookie(self, scope: Scope, headers: Headers, query: dict[str, list[str]]) -> Response | None:
-        """Authenticate a request without a token by its cookie and its proof; return as ``_check_token``."""
+        """Authenticate a request without a token by its cookie and its proof.
+
+        Return an answer if the request is refused, else None.
+        """
         path, proof = scope["path"], query.get(PROOF, [""])[0]
         sign_ins = self._sign_ins(headers)
         opened = SOCKET if path == PAGE else path

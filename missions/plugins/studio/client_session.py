@@ -33,7 +33,7 @@ MAX_COMMAND_RATE = 100.0
 """Rate limit: maximum commands of a client per second, with a small burst. A `stop` is never refused."""
 
 MAX_PENDING_COMMANDS = 64
-"""Maximum number of queued commands of a client."""
+"""Maximum number of a client's commands that wait to be sent to their runs."""
 
 MAX_UNREAD_BYTES = 65536
 """Maximum number of bytes that were sent to a run and that the run has not read."""

@@ -49,7 +49,7 @@ class SpareDescriptors:
                 self._fill()
 
     def close(self) -> None:
-        """Release the descriptors for good."""
+        """Release the reserved descriptors at the end of the studio; they are not reserved again."""
         while self._held:
             os.close(self._held.pop())
 

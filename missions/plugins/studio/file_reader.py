@@ -47,7 +47,7 @@ ERROR_NAMES: Mapping[type[Exception], str] = {
     TaskError: "bad_task",
     OSError: "bad_file",
 }
-"""Error names in answers, by exception class."""
+"""Names of errors in the answers to clients, such as "bad_file", by exception class."""
 
 Given = TypeVar("Given")
 Found = TypeVar("Found")
@@ -122,7 +122,7 @@ def _prepare_worker() -> None:
 
 
 def run_command(command: ClientCommand) -> dict[str, object]:
-    """Run a command in a worker. Raises BadMessage."""
+    """Run a command of a client in a worker process. Raises BadMessage."""
     with _named_errors():
         return HANDLERS[command.word](command)
 

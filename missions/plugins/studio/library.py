@@ -120,7 +120,7 @@ FORM_OPTIONS = ("world", "simulate", "speed", "seed")
 """Options of `mission run` in the form that starts a run."""
 
 MAX_ENTRIES = 4096
-"""Maximum number of cached list entries."""
+"""Maximum number of list entries (missions, robots and worlds) in the cache."""
 
 FILE_TIMEOUT = 5.0
 """Seconds allowed for reading one file of a list; a mission of 10,000 steps takes 4 s."""
@@ -370,7 +370,7 @@ def _base_entry(kind: str, name: str, path: Path, edition: str) -> Json:
 
 
 def _depths(box: TreeBox, depth: int = 0) -> Iterator[int]:
-    """Yield the depth of each node of a drawn tree, in the order of the file; ``depth`` is that of its root."""
+    """Yield the depth of each node of a drawn tree, in the order of the file; ``depth`` is the depth of ``box``."""
     yield depth
     for child in box.children:
         yield from _depths(child, depth + 1)

@@ -33,7 +33,7 @@ PIECE_TIME_BUDGET = 0.25
 """Seconds of work on one piece of a record; the rest follows in the next piece."""
 
 PIECE_TOPICS = frozenset({*EVENT_TOPICS.values(), "/feedback", "/state/base"})
-"""Topics that a piece of a record contains."""
+"""Topics whose messages one piece of a record contains."""
 
 MAX_TRAIL_POINTS = 2000
 """Maximum number of points of the base's path in one piece."""
@@ -133,7 +133,7 @@ class _RecordPieces:
         self._trail: list[list[float]] = []
 
     def add(self, piece: RunRecord) -> None:
-        """Append the next piece."""
+        """Append the content of the next piece of the record."""
         with reject_malformed(piece.path):
             found = [(message.topic, parse_message(message.data)) for message in messages(piece, PIECE_TOPICS)]
             for topic, content in sorted(found, key=lambda each: float(each[1]["t"])):
@@ -153,7 +153,7 @@ class _RecordPieces:
                     self._log.append(event.as_dict())
 
     def as_json(self) -> Json:
-        """Return the content as the answer's fields."""
+        """Return the gathered content as fields of the answer to `record`."""
         places = [place for before, place in pairwise([[], *self._trail]) if place[1:] != before[1:]]
         step = max(1, len(places) // MAX_TRAIL_POINTS)
         return {"lanes": self._lanes, "log": self._log, "failures": self._failures, "trail": places[::step]}

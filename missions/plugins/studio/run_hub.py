@@ -21,7 +21,7 @@ from missions.plugins.studio.connections import SpareDescriptors
 from missions.plugins.studio.run_feed import AsyncRunLink, OnLine, RunFeed
 
 SEARCH_INTERVAL = 0.25
-"""Seconds between two searches for new runs."""
+"""Seconds between two searches for new runs on this computer."""
 
 COMMAND_END_TIMEOUT = 0.7
 """Seconds for which a stop waits until commands such as teleop have ended, before it is answered.

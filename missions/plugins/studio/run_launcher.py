@@ -1,4 +1,4 @@
-"""Starting runs and changing the task queue, by the same command lines as in a terminal."""
+"""Starts runs and changes the task queue for the studio, with the commands `mission run` and `mission task`."""
 
 import asyncio
 import os

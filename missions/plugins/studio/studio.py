@@ -205,7 +205,7 @@ class FleetConnection:
         return _fleet_json(operator)
 
     def close(self) -> None:
-        """Leave the fleet."""
+        """Close the connection to the fleet."""
         with self._lock:
             self._operator, self._has_discovered = None, False
             self._close_count += 1

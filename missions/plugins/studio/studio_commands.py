@@ -22,7 +22,7 @@ class Hello(ClientCommand):
 
 
 RUN_OPTIONS = {each.name: each for each in options_of(RunRequest)}
-"""Options of `mission run` by name, for the messages and the form that start a run."""
+"""Options of `mission run` by name; their declarations are used for the message and the form that start a run."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

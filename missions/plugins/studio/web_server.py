@@ -219,7 +219,7 @@ class TimedProtocol(H11Protocol):
         super().connection_lost(exc)
 
     def on_response_complete(self) -> None:
-        """Restart the timer for the next request."""
+        """Restart the timer, within which the next request on this connection must arrive."""
         self.scope = None  # type: ignore[assignment]
         self._timeout.cancel()
         super().on_response_complete()

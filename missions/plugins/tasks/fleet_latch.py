@@ -33,7 +33,7 @@ class FleetLatch:
 
     @property
     def is_latched(self) -> bool:
-        """Whether a stop is latched."""
+        """Whether a stop of the fleet is latched for this robot."""
         return bool(self.by)
 
     def stop(self, by: str) -> tuple[int, Callable[[], str]]:

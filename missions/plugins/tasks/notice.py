@@ -28,7 +28,9 @@ def read_secret(name: str, environment: Mapping[str, str]) -> str:
 
 
 Kind = Literal["done", "failed", "cancelled", "given_up", "missed", "interrupted", "retried", "said"]
-"""Kind of a notice. ``interrupted`` and ``retried`` tasks are tried again; ``said`` is a message of the mission itself.
+"""Kind of a notice about a task.
+
+``interrupted`` and ``retried`` tasks are tried again; ``said`` is a message of the mission itself.
 """
 
 

@@ -225,7 +225,7 @@ class NoticeSender:
         return True
 
     def _end_flushes(self) -> None:
-        """Wake the threads that wait in ``flush``."""
+        """Wake the threads that wait in ``flush``, because all due notices were tried."""
         while self._flush_requests:
             self._flush_requests.pop().set()
 

@@ -10,7 +10,10 @@ from config.notices import public_text
 from missions.plugins.tasks.notice import Notice, from_row
 
 WAITING = "delivered IS NULL AND next < 9e999"
-"""SQL condition of undelivered notices; ``next``, the earliest time of a try, is infinite for given-up ones."""
+"""SQL condition of notices that are neither delivered nor given up.
+
+The column ``next`` is the earliest time of the next try; it is infinite for a notice that was given up.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +40,7 @@ class Outbox:
         self._connection = connection
 
     def channels(self) -> list[str]:
-        """Return the channels with waiting notices."""
+        """Return the channels, as encoded text, that have waiting notices."""
         rows = self._connection.execute(f"SELECT DISTINCT channel FROM outbox WHERE {WAITING}")  # noqa: S608 - ours
         return [row["channel"] for row in rows]
 

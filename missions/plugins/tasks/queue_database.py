@@ -92,7 +92,7 @@ It is small, since on a full disk the database file cannot use the space that th
 """
 
 MIN_DATABASE_BYTES = 512
-"""Size of the smallest SQLite database in bytes."""
+"""Size of the smallest SQLite database in bytes; a smaller file is not a queue."""
 
 ORDER = "priority DESC, max(due, added), id"
 """SQL order of due tasks; a task without a time is due when it was added."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Literal
 
 State = Literal["waiting", "running", "done", "failed", "cancelled", "given_up"]
-"""State of a task; the last four are final."""
+"""State of a task; the states from ``done`` on are final."""
 
 How = Literal["success", "failure", "error", "interrupted", "cancelled"]
 """End of an attempt; an error is a missing device or an invalid file."""

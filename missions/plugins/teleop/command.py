@@ -223,7 +223,10 @@ def command(
 
 
 def _teach_pad(node: str, clock: Clock) -> int:
-    """Let a person teach the layout of a pad, and save it. Raises NotConnected and TeachingError."""
+    """Ask a person to press the controls of a game pad one by one, and save the button layout found.
+
+    Return the exit code. Raises NotConnected and TeachingError.
+    """
     if node == FIRST_PAD:
         found = pad.find_pads()
         if len(found) > 1:

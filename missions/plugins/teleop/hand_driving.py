@@ -158,7 +158,7 @@ class LineDelay:
 
     @property
     def has_open_queries(self) -> bool:
-        """True while answers are missing."""
+        """True while the terminal has not answered all queries."""
         return bool(self._open_queries)
 
     @property

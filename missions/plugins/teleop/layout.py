@@ -42,7 +42,7 @@ class PadEvent:
     value: int
 
     def pack(self) -> bytes:
-        """Return the event as bytes, with the time zero."""
+        """Return the event in the bytes of a Linux ``struct input_event``, with the time zero."""
         return _EVENT.pack(0, 0, self.kind, self.code, self.value)
 
 
@@ -215,7 +215,10 @@ A and B are buttons 2 and 3, in an order that depends on the maker. So both butt
 UNIDENTIFIED_LAYOUT = PadLayout(
     STANDARD_LAYOUT.hold, (*STANDARD_LAYOUT.stops, *D_MODE_LAYOUT.stops), STANDARD_LAYOUT.enable
 )
-"""Layout of a game pad that the kernel does not describe. The stop buttons of both other layouts stop."""
+"""Layout of a game pad that the kernel does not describe.
+
+The stop buttons of ``STANDARD_LAYOUT`` and those of ``D_MODE_LAYOUT`` all stop the base.
+"""
 
 D_MODELS: Mapping[tuple[int, int], str] = MappingProxyType(
     {
@@ -251,7 +254,7 @@ class PadModel:
 
 
 class UnknownPadError(NotConnected):
-    """A pad whose button layout is unknown."""
+    """A pad whose button layout is unknown, so that it must not drive."""
 
 
 def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout]) -> PadLayout:

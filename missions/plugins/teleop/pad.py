@@ -40,7 +40,7 @@ TEACH_HINT = "mission teleop --teach-pad  (again; it replaces this file's entry)
 
 
 def pads_file() -> Path:
-    """Return the file of the taught layouts."""
+    """Return the path of the file that stores the taught button layouts of game pads."""
     return config_folder() / PADS_FILE_NAME
 
 
@@ -208,7 +208,7 @@ class Pad:
         )
 
     def close(self) -> None:
-        """Close the node. Safe more than once."""
+        """Close the device node of the pad. Safe more than once."""
         descriptor, self._descriptor = self._descriptor, -1
         self._state.is_held = False
         if descriptor >= 0:

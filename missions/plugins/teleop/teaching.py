@@ -30,7 +30,7 @@ MAX_AXIS_NOISE = 0.1
 MAX_TRIGGER_REST = 0.2
 """Largest distance of a trigger's rest position from an end of its range, as a share of the range.
 
-Sticks rest farther from both ends.
+An axis that rests farther from both ends is a stick.
 """
 
 MIN_STICK_SHARE = 0.25
@@ -43,7 +43,7 @@ DRY_RUN_DEAD_ZONE = 0.15
 """Dead zone of a stick in the dry run, as a share of its travel."""
 
 HAT_AXES = range(0x10, 0x18)
-"""Axes of hats, which rest in the middle."""
+"""Axes of hats (direction pads), which rest in the middle like sticks, but count as buttons."""
 
 
 class TeachingError(DriverError):
@@ -297,5 +297,5 @@ def _role(control: Control, taken: Mapping[Control, str]) -> str | None:
 
 
 def describe_control(control: Control) -> str:
-    """Return the name of a control, for people."""
+    """Return the name of a control for messages, such as "button 5"."""
     return f"button {control.code:#x}" if control.rest is None else f"axis {control.code}, to {control.end}"

@@ -53,13 +53,14 @@ class NodeRecord:
 
 @dataclass(slots=True)
 class CaseHistory:
-    """Records the events of a case's run. ``listeners`` are called with each event, at once.
+    """Records the events of a test case's run. ``listeners`` are called with each event, at once.
 
     ``claim_conflict`` names a part that two leaves drove at the same time, ``is_moving`` says whether the base moved at
     the last tick, ``pose`` is its final pose in the world frame, and ``joints`` the final arm angles (radians).
-    ``said`` are the robot's utterances, ``heard_by`` those that each person heard, ``showed`` and ``moods`` the
-    contents of its screen (an empty text if cleared), and ``notified`` its notices, in order. ``result`` and
-    ``returns`` are the mission's, after its end; the result is "running" if the case's timeout has ended it.
+    ``said`` are the robot's utterances, ``heard_by`` the utterances that each person heard, ``showed`` and ``moods``
+    the contents of its screen (an empty text if cleared), and ``notified`` its notices, in order. ``result`` and
+    ``returns`` are the result and the return values of the mission, after its end; the result is "running" if the
+    case's timeout has ended it.
     """
 
     events: list[Event] = field(default_factory=list)

@@ -306,7 +306,7 @@ class CaseVerdict:
 
     @property
     def passed(self) -> bool:
-        """Whether all expectations are met."""
+        """Whether all expectations are met, and no error has occurred."""
         return not self.misses and not self.error
 
 

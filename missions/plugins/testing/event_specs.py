@@ -48,7 +48,7 @@ class EventSpec:
     text: str = ""
 
     def matches(self, event: ObservedEvent) -> bool:
-        """Return whether an observed event matches."""
+        """Return whether ``event``, which a run has reported, is the event that the test file names."""
         return self.verb == event.verb and self.name in event.names and self.text in event.text
 
     def __str__(self) -> str:

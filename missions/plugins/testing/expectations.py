@@ -188,7 +188,7 @@ def _check_node(fields: Fields, name: Scalar, names: CaseNames) -> None:
 
 
 def _scalars(node: Node) -> list[Scalar]:
-    """Return the texts of a list, or a single text."""
+    """Return the texts of a YAML list, or a single text as a list."""
     return [item for item in (node.items if isinstance(node, Listing) else [node]) if isinstance(item, Scalar)]
 
 

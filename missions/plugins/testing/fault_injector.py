@@ -31,7 +31,7 @@ HAND_COMMAND_INTERVAL = 0.1
 """Seconds between two drive commands of a simulated person."""
 
 STOPPED_BY = "a mishap"
-"""Name of the source of a simulated stop."""
+"""Name that a simulated stop reports as the person who stopped the run."""
 
 
 def _switch_drive(base: BaseTwin, fault: FaultSpec, now: float, *, on: bool) -> None:

@@ -15,7 +15,7 @@ UNPLUGGED = ("unplugged",)
 DRIVE_STATES = (
     "blocked", "slipping", "reversed", "uncounted", "drifting", "late", "e_stopped", "back_limited",
 )  # fmt: skip
-"""Faults of a base's drive and odometry."""
+"""Words for faults of a base's drive and odometry in a test file."""
 
 FAULT_STATES: dict[str, tuple[str, ...]] = {
     "base": ("unplugged", "bumped", "cliff", "lifted", "battery", "button", "docked", "driven", *DRIVE_STATES),
@@ -53,7 +53,7 @@ JOINT_STATES = {
 """
 
 NO_OTHERS: Mapping[str, str] = MappingProxyType({})
-"""Additional parts of a robot that has none."""
+"""Empty mapping, for a robot without additional parts."""
 
 AMOUNT_STATES = {"drifting": ("at", "turn rate"), "late": ("by", "duration")}
 """Fault states with an amount: the word before the amount, and the dimension of the amount."""

@@ -23,7 +23,7 @@ from perception.api import Percept
 # before; the last turn is repeated.
 
 DEFAULT_REASON = "failed as requested"
-"""Default failure reason of a mock."""
+"""Reason of a mock's failure if the script gives none."""
 
 VERBS = ("succeeds", "fails", "runs")
 EXAMPLE = "such as 'fails twice, then succeeds'"

@@ -34,7 +34,7 @@ class Phrase:
 
     @property
     def word(self) -> str:
-        """The next word; empty at the end."""
+        """The next word of the phrase; empty at the end."""
         return "" if self.ended else self._words[self._next][0]
 
     @property
@@ -115,7 +115,7 @@ class Phrase:
         return text
 
     def expect_end(self) -> None:
-        """Add an error if a word is left."""
+        """Add an error if a word is left, because the phrase should be complete."""
         if not self.ended:
             self.add_fault(f"{quoted_value(self.word)} is not expected here")
 

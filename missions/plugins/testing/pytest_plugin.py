@@ -73,7 +73,7 @@ class MissionCase(pytest.Item):
         return super().repr_failure(excinfo, style)
 
     def reportinfo(self) -> tuple[Path, int, str]:
-        """Return file, line (from 0) and title."""
+        """Return the file, the line (from 0) and the title of the case, for pytest's reports."""
         return self.path, self.case.mark.line - 1, self.case.title
 
 

@@ -37,7 +37,7 @@ class NodeCoverage:
 
     @property
     def missing_ends(self) -> list[str]:
-        """Possible ends that were never observed."""
+        """Possible ends of the node, such as failure, that no test case has shown."""
         return sorted(self.ends - set(self.statuses))
 
     @property
@@ -64,7 +64,7 @@ class FileCoverage:
 
     @property
     def ticked_count(self) -> int:
-        """Number of nodes that were ticked."""
+        """Number of nodes of the file that were ticked in any test case."""
         return sum(node.was_ticked for node in self.nodes)
 
     @property
@@ -139,7 +139,7 @@ i { color: var(--soft); font-style: normal; }
 
 
 def coverage_page(files: Sequence[FileCoverage]) -> str:
-    """Return the coverage page as HTML."""
+    """Return an HTML page that marks the covered lines of the mission files."""
     titles = _titles([each.file for each in files])
     rows = "\n".join(
         f'<tr><td><a href="#{number}">{escape(title)}</a></td><td>{each.ticked_count} of {len(each.nodes)}</td>'
@@ -215,7 +215,7 @@ def failure_text(verdict: CaseVerdict) -> str:
 
 
 def summary_line(verdicts: Sequence[CaseVerdict], *, planned: int, seconds: float) -> str:
-    """Return the totals of all cases as one line."""
+    """Return the numbers of passed and failed cases as one line."""
     failed = sum(not verdict.passed for verdict in verdicts)
     simulated = sum(verdict.seconds for verdict in verdicts)
     parts = [f"{len(verdicts) - failed} passed"] + ([f"{failed} failed"] if failed else [])

@@ -186,7 +186,7 @@ class NondetValue(Value):
 
 
 def expression_text(value: Value) -> str:
-    """Return an expression as written."""
+    """Return an expression as it is written in the mission file."""
     formula = value.template
     if formula is None:
         return str(value.constant)

@@ -59,7 +59,7 @@ class Oracle:
 
     @property
     def script(self) -> Script:
-        """Indices chosen in this step."""
+        """Indices of the options chosen in this step so far, in order."""
         return tuple(choice.index for choice in self.choices)
 
     def next_script(self) -> Script | None:

@@ -79,7 +79,7 @@ class StateSpace:
 
     @property
     def is_complete(self) -> bool:
-        """Whether the exploration is complete."""
+        """Whether all reachable states, and all orders of random composites, were explored."""
         return not self.open and not self.model.shuffler.is_sampled
 
     @property
@@ -236,7 +236,7 @@ RunTrace = tuple[TraceStep, ...]
 
 
 def trace_to(space: StateSpace, place: int) -> RunTrace:
-    """Return a shortest trace to a state."""
+    """Return a shortest trace from the start to the state number ``place``."""
     way = space.path_to(place)
     return tuple(
         _replay_step(space, before, space.places[after].script, halted=is_halt_step(space.places[after]))

@@ -216,11 +216,15 @@ def missing_params(plan: Plan) -> frozenset[str]:
 # representative of all orders).
 
 _MERGED_STATUS = {OnFailureModifier: SUCCESS, OnSuccessModifier: FAILURE}
-"""Modifiers with the same result on success and failure, and that result."""
+"""Modifiers whose result does not depend on their child's success or failure, with that result."""
 
 
 def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMonitor]) -> None:
-    """Drop outcomes of stand-ins that have the same effect as others, unless a property monitor observes the leaf."""
+    """Reduce the outcomes of stand-ins (partial-order reduction), so that fewer equivalent runs are explored.
+
+    If success and failure of a leaf have the same effect, only success is kept. Independent leaves of a parallel end in
+    the same tick. Leaves that a property monitor observes stay as they are.
+    """
     observed = frozenset[Node]().union(*(monitor.subject | monitor.other | monitor.counts for monitor in monitors))
     for node in nodes:
         if type(node) in _MERGED_STATUS:
@@ -250,9 +254,10 @@ def _reducible_leaf(node: Node, observed: frozenset[Node]) -> StandIn | None:
 
 
 def _is_independent(child: Node, leaf: StandIn) -> bool:
-    """Return whether a leaf stores nothing, stops at once, and can both keep running and end.
+    """Return whether it does not matter when a leaf of a parallel ends, so that it may end together with another leaf.
 
-    Its end must be one with which ``child``, the leaf with its modifiers, succeeds.
+    The leaf must store nothing, stop at once, and be able both to keep running and to end. One of its ends must make
+    ``child``, the leaf with its modifiers, succeed.
     """
     statuses = {outcome.status for outcome in leaf.outcomes}
     if leaf.sensor:  # it fails by itself when the sensor is silent for too long
@@ -389,7 +394,7 @@ class MissionModel:
         self._seconds = sorted({*durations(plan.tree), sensor_timeout, MAX_RETICK_INTERVAL})
 
     def tick(self) -> None:
-        """Tick once."""
+        """Tick the tree of the mission once."""
         self.run.tick += 1
         self.root.execute_tick()
         self.watch.check_tick()
@@ -415,7 +420,7 @@ class MissionModel:
         self.watch.begin(state.happened, state.moving)
 
     def coarsen(self, state: ModelState) -> ModelState:
-        """Return ``state`` with coarser time bounds."""
+        """Return ``state`` with coarser time bounds, so that fewer states differ only in time."""
         return replace(state, times=extrapolate(state.times, self._seconds))
 
 

@@ -131,7 +131,7 @@ class Monitor(Protocol):
         ...
 
     def on_success(self, node: Node) -> None:
-        """Handle the success of a node."""
+        """Handle the success of a node, which may be the event that the property waits for."""
         ...
 
     def check_tick(self, live_leaves: "Sequence[StandIn]") -> str:
@@ -167,7 +167,7 @@ class RuleMonitor:
     _acting: "dict[StandIn, None]" = field(default_factory=dict)
 
     def set_leaves(self, leaves: "Sequence[StandIn]") -> None:
-        """Set the leaves to observe."""
+        """Set the leaves of the model that this monitor observes."""
         self.leaves = list(leaves)
         self._acting.clear()
 
@@ -210,7 +210,7 @@ class RuleMonitor:
                 monitor.on_success(node)
 
     def on_start(self, leaf: "StandIn") -> None:
-        """Handle the start of a leaf."""
+        """Handle the start of a leaf: check the rules and properties about starts."""
         if self.oracle.all_sensors_report:
             self.reached.add(leaf)
         self.moving -= leaf.drives

@@ -227,7 +227,7 @@ class FrozenValue(NamedTuple):
 
 
 def freeze(scope: Mapping[str, object]) -> Row:
-    """Return variables in a hashable form."""
+    """Return the variables of a scope in a hashable form, so that states can be compared."""
     return tuple((name, _freeze_value(scope[name])) for name in sorted(scope))
 
 

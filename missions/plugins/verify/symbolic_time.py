@@ -147,7 +147,7 @@ class UnknownTime(float):
         return self.is_over()
 
     def is_over(self) -> bool:
-        """Return a new choice: whether the time is over."""
+        """Return whether the time is over, as a new choice at each call."""
         return self.oracle.choose((False, True), lambda yes: "the time is over" if yes else "")
 
 

@@ -15,7 +15,7 @@ MAX_MESSAGE_SIZE = 1 << 26
 
 
 def main() -> None:
-    """Show the run until it ends."""
+    """Show the run on the terminal until it ends."""
     # A Ctrl-C before the terminal is raw is for the run, not for this process.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     plain = "utf" not in sys.stderr.encoding.lower()

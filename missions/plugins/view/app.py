@@ -101,7 +101,7 @@ class ViewApp(App[None]):
         self.exit()
 
     def show_message(self, message: Message) -> None:
-        """Update the display by a message."""
+        """Update all panels of the view with a message from the run."""
         self._last_message_at = self._clock.now()
         if "drawing" in message:
             drawing = from_json(message["drawing"])
@@ -145,7 +145,7 @@ class ViewApp(App[None]):
         self._send_order("resume" if self.view_state.paused else "pause")
 
     def action_step(self) -> None:
-        """Make one tick, only while paused."""
+        """Tick the mission once; only while it is paused."""
         if self.view_state.paused:
             self._send_order("step")
 

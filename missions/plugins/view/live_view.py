@@ -28,7 +28,7 @@ MAX_KEPT_EVENTS = 20_000
 """Maximum number of events that are kept to be written as lines after the view has ended; older ones are dropped."""
 
 EVENTS_WITHOUT_LINES = (Ticked, CommandSent, PerceptSeen, VariableSet)
-"""Events that are not shown as lines."""
+"""Types of run events for which no line is written after the view has ended."""
 
 
 class LiveView:

@@ -16,7 +16,7 @@ from missions.plugins.view.panels import DIM, ViewState, node_details, node_labe
 from missions.trees.drawing import ACTIVE, TreeBox, TreeDrawing
 
 Message = Mapping[str, Any]
-"""Message of ``missions.trees.feed``."""
+"""Message from a run to its view, as ``missions.trees.feed`` makes it: the changes since the message before."""
 
 MAX_UNFOLDED_NODES = 60
 """Nodes above which sub-missions are folded at first."""
@@ -56,7 +56,7 @@ class NodeTree(Tree[TreeBox], inherit_bindings=False):
         return line
 
     def set_drawing(self, drawing: TreeDrawing) -> None:
-        """Show the tree of a drawing."""
+        """Show the tree of a mission's drawing, with sub-missions folded if it is large."""
         self._box = drawing.root
         many = sum(1 for _ in drawing.root.walk()) > MAX_UNFOLDED_NODES
         self._add_box(self.root, drawing.root, fold=many)

@@ -10,7 +10,7 @@ from missions.request import RunOptions, RunRequest
 
 @dataclass(frozen=True, kw_only=True)
 class ViewOptions(RunOptions):
-    """Live view on the whole terminal."""
+    """Option ``--view``, which shows the run on the whole terminal."""
 
     view: bool = option(
         "Show the tree, the variables, the robot and the log on the whole terminal; keys pause, step and stop.",

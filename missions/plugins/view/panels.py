@@ -49,7 +49,7 @@ LOG_STYLES: Mapping[str, str] = {
 """Colours of log lines, by a word that is one of the first in the line."""
 
 ASCII_TABLE = str.maketrans({"✓": "+", "✗": "x", "…": "~", "°": "deg", "\N{REPLACEMENT CHARACTER}": "?"})
-"""ASCII replacements of our signs."""
+"""Replacements of the view's Unicode signs by ASCII, for ``str.translate``."""
 
 FIGURE_FORMATS: Mapping[str, tuple[str, float]] = {
     "battery": ("battery {:.0f} %", 1.0),
@@ -98,7 +98,7 @@ class ViewState:
                 del self.variables[name]
 
     def set_drawing(self, drawing: TreeDrawing, robot: str) -> None:
-        """Set the mission and the robot."""
+        """Set the tree drawing of the mission and the name of the robot."""
         self.mission, self.robot = drawing.mission, robot
         self.inside = {box.key: box.mission for box in drawing.root.walk() if box.mission}
 
@@ -107,7 +107,7 @@ class ViewState:
         return self.nodes.get(key, NodeState())
 
     def status_sign(self, status: Status) -> str:
-        """Return the sign of a status."""
+        """Return the sign of a node status, in Unicode or ASCII."""
         return (ASCII_SIGNS if self.plain else SIGNS)[status]
 
     def newest_running_leaf(self, root: TreeBox) -> str:
@@ -134,7 +134,7 @@ def node_label(box: TreeBox, scene: ViewState) -> Text:
 
 
 def _node_reason(box: TreeBox, scene: ViewState) -> str:
-    """Return the reason of a node's status; that of a failed modifier comes first."""
+    """Return the reason of a node's status; if one of its modifiers has failed, the reason of that failure."""
     badges = (scene.node_status(badge.key) for badge in box.badges)
     failed = next((now.reason for now in badges if now.status == "failure" and now.reason), "")
     return failed or scene.node_status(box.key).reason
@@ -200,7 +200,7 @@ def format_figures(values: Mapping[str, float]) -> str:
 
 
 def variable_lines(scene: ViewState) -> Text:
-    """Return a line for each variable."""
+    """Return a line with name and value for each variable of the mission."""
     lines = (Text.assemble((f"{_variable_name(name, scene)} ", DIM), value) for name, value in scene.variables.items())
     return Text("\n").join(lines)
 

@@ -71,7 +71,7 @@ class TerminalSnapshot:
 
 @contextmanager
 def hold_output() -> Iterator[None]:
-    """Hold back this process's output to the terminal, that of C libraries included, until the end of the context."""
+    """Hold back all output of this process, of C libraries too, to the terminal until the end of the context."""
     terminals = [number for number in (1, 2) if os.isatty(number)]
     with tempfile.TemporaryFile() as aside, ExitStack() as undo:
         if terminals:

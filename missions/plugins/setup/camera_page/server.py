@@ -63,7 +63,7 @@ class CameraPage:
         self._server.close()
 
     def show(self, image: Image, caption: str) -> None:
-        """Show a picture with a caption."""
+        """Show a picture with a caption in the browsers that have the page open."""
         shrunk = min(1.0, MAX_PICTURE_WIDTH / image.shape[1])
         small = image if shrunk == 1.0 else cv2.resize(image, None, fx=shrunk, fy=shrunk, interpolation=cv2.INTER_AREA)
         done, packed = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])

@@ -28,7 +28,7 @@ def show(name: str) -> int:
 
 
 def robot_lines(config: RobotConfig, machine: HostMachine) -> Iterator[str]:
-    """Yield the description of a robot as lines."""
+    """Yield the description of a robot as lines for the terminal: its parts, drivers and ports."""
     yield f"{config.name}  {config.path}"
     if config.summary:
         yield f"  {config.summary}"

@@ -124,7 +124,10 @@ def describe_lost_calibration(bus: ServoBus, joints: Iterable[Joint], file: Path
 
 
 def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
-    """Raise DeviceFault if the model or firmware of a servo is not that of the calibrated one."""
+    """Raise DeviceFault if the model or firmware of a servo differs from that of the servo that was calibrated.
+
+    ``before`` are the settings of the calibrated servos, ``now`` those of the connected servos.
+    """
     wrong = [
         f"{name}: {word.replace('_', ' ')} {now[name][word]}, the calibration is of {value}"
         for name, settings in before.items()

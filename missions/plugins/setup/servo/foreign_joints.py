@@ -60,7 +60,7 @@ def foreign_joints(path: Path, form: str, model: str) -> ForeignJoints:
 
 
 class _ImportFailure(Exception):
-    """Reason why a file cannot be imported."""
+    """Raised while a file is read that cannot be imported; the message is the reason."""
 
 
 def _read_number(joint: str, part: Mapping[str, Any], word: str, default: float | None = None) -> float:

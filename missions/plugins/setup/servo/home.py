@@ -164,7 +164,7 @@ def home(
 
 
 def _calibration_file(path: str) -> Path:
-    """Return the calibration file at ``path``. Raises click.UsageError without one, and for a file of another kind."""
+    """Return the calibration file at ``path``. Raises click.UsageError if it is missing or has other contents."""
     if not path:
         raise click.UsageError("no calibration file given; add --into so101.json")
     file = Path(path).expanduser()
@@ -310,7 +310,7 @@ def _plan_changes(bench: OpenBus, wanted: Mapping[Joint, MotorCalibration]) -> d
 
 
 def _confirm_eeprom(plans: Collection[Joint], *, yes: bool) -> None:
-    """Ask before the EEPROM is written."""
+    """Ask the user before the EEPROM of servos is written; with ``yes``, do not ask."""
     if plans and not yes:
         click.confirm("write this into the EEPROM?", abort=True, err=True)
 

@@ -83,7 +83,7 @@ def couple_joints(
     """Return how each joint of the follower is to follow the joint of the leader with the same name.
 
     The range of a joint in ``ranged`` is mapped from the leader's limits to those of the follower. Raises
-    click.UsageError if no joint is common, or the leader's limits of such a joint are equal.
+    click.UsageError if the arms have no joint name in common, or if a leader's joint has equal limits.
     """
     fixed = [joint for joint in ranged if joint in leader and joint in follower and not has_range(leader[joint])]
     if fixed:

@@ -110,7 +110,7 @@ def _check_files(plot: Path | None, table: Path | None, *, dry_run: bool) -> Non
 
 
 def _summary(movement: Gesture, playing: KeyframeMotion, speed: float) -> str:
-    """Return the duration of a movement as text, and whether the speed limits of joints make it longer than planned."""
+    """Return the duration of a movement as text, and whether the joints' speed limits make it longer than planned."""
     frames = movement.keyframes
     wanted = (frames[-1].time - frames[0].time) / speed
     slower = (

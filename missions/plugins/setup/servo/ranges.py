@@ -95,9 +95,9 @@ def arm_keys(robot: RobotConfig, part: str) -> DynamixelKeys | None:
 
 
 def _means(source: SourceText, expected: RobotConfig, part: str) -> bool:
-    """Return whether the edited text of a robot file means the ``expected`` robot.
+    """Return whether the edited text of a robot file describes the ``expected`` robot.
 
-    It might mean another one: a YAML anchor in the arm ``part`` may be used elsewhere too.
+    It describes another robot, for example, if the file uses a YAML anchor in the arm ``part`` elsewhere too.
     """
     try:
         new = parse_robot(source)

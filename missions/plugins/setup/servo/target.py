@@ -41,7 +41,10 @@ class ServoTarget:
 
     @property
     def options(self) -> str:
-        """Options that select the same servos, as text for a command in a hint, each after a space."""
+        """Command-line options that select the same servos, such as " --robot FILE --arm left".
+
+        They are appended to suggested commands.
+        """
         arm = None if self.arm == DEFAULT_ARM else self.arm
         given = (("--robot", self.robot), ("--arm", arm), ("--port", self.port), ("--baud", self.baud))
         typed = [f" {option} {shlex.quote(str(value))}" for option, value in given if value is not None]

@@ -15,7 +15,7 @@ TIMEOUT = 10.0
 """Seconds to connect to the broker, and the same time again to wait for its acknowledgement."""
 
 POLL_INTERVAL = 0.1
-"""Seconds of one wait for network traffic."""
+"""Seconds for which one iteration of the network loop waits for traffic."""
 
 
 class MqttChannel:

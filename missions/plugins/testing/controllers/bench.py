@@ -91,7 +91,7 @@ def ability_of(body: TrackingBody) -> Ability:
 
 
 def score_trial(trace: TrackingTrace, scenario: Scenario, body: TrackingBody) -> Score:
-    """Return the score of a trial."""
+    """Return the score of the trial that produced ``trace``."""
     samples = list(zip(trace.times, trace.errors, strict=True))
     foreseen = [(time, error) for time, error in samples if time < scenario.foreseeable_until]
     outside = max((time for time, error in foreseen if abs(error) > CENTRED_ERROR), default=0.0)

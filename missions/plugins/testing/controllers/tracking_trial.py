@@ -231,14 +231,14 @@ PIXEL_NOISE = SensorNoise().noise
 """Standard deviation of a face position in pixels, as in simulations with ``--eyes truth``."""
 
 FACE_DISTANCE = 1.5
-"""Distance of the face in metres."""
+"""Distance in metres from the camera to the simulated face."""
 
 LENS = Pinhole(640, 480, radians(60))
 """Lens of the simulated camera: width and height in pixels, and field of view in radians."""
 
 
 FACE_TIMEOUT = 1.0
-"""Seconds after which an unseen face is dropped."""
+"""Seconds after which the track of an unseen face is dropped."""
 
 GATE_ANGLE = radians(20)
 """Distance in radians from all predicted faces beyond which a face counts as new."""
@@ -428,7 +428,7 @@ class TrackingTrial:
 
     @property
     def delay(self) -> CameraDelay:
-        """Measured stamp delay of the camera."""
+        """Delay of the camera's time stamps as the robot has measured it."""
         return self._sight.delay
 
     def _time(self) -> float:

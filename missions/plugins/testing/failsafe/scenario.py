@@ -155,7 +155,7 @@ REFLEXES: Mapping[str, Mapping[str, Any]] = {
     "bumper: stop": {"bumper": "stop"},
     "latch": {"bumper": "latch", "cliff": "latch", "wheel_drop": "latch"},
 }
-"""Reflex settings of the robot file."""
+"""Choices of the reflex settings in the robot file, by name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -238,7 +238,7 @@ class ScenarioMoment:
 
     @property
     def compared_fields(self) -> tuple[object, ...]:
-        """All fields except time and position."""
+        """All fields except time and position, to find out whether the state has changed."""
         return self.source, self.setpoint, self.limited, self.reason, self.latched, self.mission, self.person
 
 
@@ -256,7 +256,7 @@ class CommandSource:
         self._permit = StaleCommandGuard(run, lambda: None)
 
     def command(self) -> None:
-        """Send the command again."""
+        """Send the source's velocity command again, unless the source has ended."""
         if self.end_reason:
             return
         mission = self._source is Source.MISSION
@@ -272,7 +272,7 @@ class CommandSource:
             self.started_at = self._run.clock.now()
 
     def end(self, why: str) -> None:
-        """Stop commanding, for a reason."""
+        """Stop the base, and send no more commands, for the reason ``why``."""
         self._base.stop(source=self._source)
         self.feedback = self.end_reason = why
 
@@ -347,7 +347,7 @@ class NullCallbacks:
 
 
 class TwinRig:
-    """A ``BaseRig`` with a twin, which it creates."""
+    """A ``BaseRig`` that creates a simulated base and acts on it."""
 
     def __init__(self, setting: FailsafeSetting, timeline: Timeline) -> None:
         self.base = BaseTwin(timeline.clock, **settings_of(keys_for(setting), NullCallbacks()))

@@ -102,7 +102,7 @@ class RecordedBase(Spy):
         return self.performed
 
     def stop(self, *, source: Source | None = None) -> None:
-        """Record a stop, from any source."""
+        """Record a stop, whatever its source."""
         del source
         self.record_always(STOP)
 
@@ -163,7 +163,7 @@ class RecordedRanger(Spy):
         self.reading = Reading(scan, now, Quality.GOOD)
 
     def scan(self) -> Reading[RangeScan]:
-        """Return the reading set by the test."""
+        """Return the scan set by the test."""
         return self.reading
 
 
@@ -185,7 +185,7 @@ class RecordedHead(Spy):
         return self.record(self.limits.clamp(target))
 
     def pose(self) -> Reading[HeadPose]:
-        """Return the reading set by the test."""
+        """Return the pose reading set by the test."""
         return self.reading
 
     def pose_at(self, stamp: float) -> HeadPose | None:
@@ -233,7 +233,7 @@ class RecordedJoints(Spy):
         return kept
 
     def states(self) -> Mapping[str, Reading[JointState]]:
-        """Return the readings set by the test."""
+        """Return the readings of the joints set by the test, by joint."""
         return self.readings
 
     def hold(self, joints: Collection[str] | None = None) -> None:
@@ -273,7 +273,7 @@ class RecordedRos2(Spy):
         self.messages: dict[str, Reading[str]] = {}
 
     def navigates(self) -> bool:
-        """Return whether Nav2 exists."""
+        """Return whether Nav2 exists, as set by the test."""
         return self.nav2
 
     def does(self, name: str) -> bool:
@@ -300,7 +300,7 @@ class RecordedRos2(Spy):
         return self._record_request("call", arguments)
 
     def begin(self, *arguments: str) -> int:
-        """Record a goal."""
+        """Record a goal sent to an action, and return the number of the request."""
         return self._record_request("begin", arguments)
 
     def navigate(self, *arguments: object) -> int:

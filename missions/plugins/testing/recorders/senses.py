@@ -70,7 +70,7 @@ class Spy:
         """Do nothing."""
 
     def rest(self) -> None:
-        """Record a rest."""
+        """Record that the part was brought to rest."""
         self.record_always(REST)
 
     def close(self) -> None:
@@ -121,7 +121,7 @@ class RecordedUtterance:
         return self.ended
 
     def cancel(self) -> None:
-        """Record the cancellation, and end."""
+        """Record the cancellation; the utterance then counts as ended."""
         self.cancelled = self.cancelled or not self.ended
         self.ended = True
         self._voice.record_always(CANCEL)

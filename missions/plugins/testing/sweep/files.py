@@ -64,7 +64,7 @@ def write_world(sweep: SweepPlan, seed: int, path: Path) -> None:
 
 
 class SweepFolder:
-    """Output folder of a sweep."""
+    """Output folder of a sweep: table of runs, summary, picture, and worlds of the worst runs."""
 
     def __init__(self, path: Path) -> None:
         self.path = path

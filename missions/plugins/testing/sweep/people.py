@@ -57,7 +57,7 @@ def set_height(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> 
 
 
 def set_look(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Set a person's appearance."""
+    """Set a person's appearance to ``value``, a name in ``LOOKS``."""
     del world
     person["look"] = value
 

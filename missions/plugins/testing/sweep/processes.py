@@ -103,7 +103,7 @@ def _worker_pool(workers: int) -> Iterator[ProcessPoolExecutor]:
 
 
 def _submit(pool: ProcessPoolExecutor, work: Work, sweep: SweepPlan, chunk: Chunk) -> Future[list[SweepRow]]:
-    """Submit work, which may start a worker process."""
+    """Submit a chunk of seeds to the pool, which may start a new worker process for it."""
     with _defer_interrupts():
         return pool.submit(_exit_on_interrupt, work, sweep, chunk)
 

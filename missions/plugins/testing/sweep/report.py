@@ -13,7 +13,7 @@ def report(summary: Summary, describe_run: Callable[[SweepRow], Sequence[str]]) 
 
 
 def percent(share: float) -> str:
-    """Return a share as text: 93.4 %."""
+    """Return a share (0..1) as a percentage: "93.4 %"."""
     return f"{100 * share:.1f} %"
 
 

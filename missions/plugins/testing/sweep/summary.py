@@ -127,7 +127,7 @@ def cause_of(row: SweepRow) -> str:
 
 @dataclass(frozen=True, slots=True)
 class RunTimes:
-    """Simulated seconds of the successful runs."""
+    """Statistics of the simulated seconds that successful runs took."""
 
     median: float
     p5: float
@@ -172,7 +172,11 @@ def summarise(rows: Sequence[SweepRow], variations: Sequence[Variation]) -> Summ
 
 
 def _causes(rows: Sequence[SweepRow]) -> tuple[Cause, ...]:
-    """Return the causes of failures, most frequent first; a reason keeps its numbers if all its runs have the same."""
+    """Return the causes of failures, most frequent first.
+
+    Runs whose reasons differ only in their numbers have one cause. Its text has the numbers only if they are equal in
+    all these runs.
+    """
     found: dict[str, list[SweepRow]] = {}
     for row in rows:
         if text := cause_of(row):

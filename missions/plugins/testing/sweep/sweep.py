@@ -62,7 +62,7 @@ class SweepPlan:
         return tuple(variation.draw(seed) for variation in self.variations)
 
     def params_of(self, values: tuple[DrawnValue, ...]) -> dict[str, str]:
-        """Return the params of a run with these values."""
+        """Return the mission's params for a run with these drawn values."""
         pairs = zip(self.variations, values, strict=True)
         mine = {
             each.name.removeprefix(PARAM_PREFIX): each.text(v)
@@ -117,7 +117,7 @@ TIMEOUT_REASON = "not finished within {limit:g} s"
 """Reason of a run that exceeds its time limit."""
 
 OUTCOMES: dict[str, Outcome] = {"success": "success", "failure": "failure", "interrupted": "unfinished"}
-"""Outcome of a run by its result."""
+"""Outcome of a run in the sweep's table, by the result that the run reports."""
 
 
 class SweepRuns:

@@ -51,7 +51,7 @@ class ValueList:
         return self.values[int(random.random() * len(self.values))]
 
     def ends(self) -> Sequence[DrawnValue]:
-        """Return all values of the list."""
+        """Return all values of the list, since any of them may be an extreme."""
         return self.values
 
 
@@ -79,7 +79,7 @@ class Variation:
 
     @property
     def is_single(self) -> bool:
-        """Whether every run has the same value."""
+        """Whether there is only one possible value, so that every run has the same."""
         return len(set(self.values.ends())) == 1
 
 
