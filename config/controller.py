@@ -19,7 +19,7 @@ DESCRIPTION_KEYS = ("controller", "summary")
 """Keys that describe a controller file; its other keys hold the rules."""
 
 LIMIT_KEY = "most"
-"""Key of a number of a rule base that is a limit and not tuned."""
+"""Key of a PD rule base whose number is a limit, so that tuning leaves it unchanged."""
 
 _WRITTEN = re.compile(r"([-+]?[0-9.]+(?:[eE][-+]?[0-9]+)?)\s*(\S*)")
 
@@ -52,7 +52,7 @@ class RuleBaseKeys:
     most: object = key(default=None, help="Maximum rate, with `p`, such as `120 deg/s`.")
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield an error for each row of a table whose length differs from the first row, which names the columns."""
+        """Yield an error for each row of a rule table that is not as long as the first row, the column names."""
         table = self.rules if isinstance(self.rules, Mapping) else {}
         columns = len(next(iter(table.values()), ()))
         for name, row in table.items():

@@ -135,8 +135,8 @@ def _word_processor_hint(fault: Diagnostic) -> str:
 def closest(word: str, known: Iterable[str]) -> str:
     """Return the known word that is closest to ``word``, or an empty text.
 
-    A short word must be a prefix, or one edit away: "race" shares more than half its letters with "dance". Opposites of
-    ``word`` are never suggested.
+    A short word must be a prefix of the known word, or one edit away. Otherwise "dance" would be suggested for "race",
+    since they share most letters. Opposites of ``word`` are never suggested.
     """
     spelt = {each.lower(): each for each in known}
     meant = word.lower()

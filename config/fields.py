@@ -82,7 +82,10 @@ class Fields:
         high: float | None,
         show: Callable[[float], str] = str,
     ) -> float:
-        """Return ``value`` clamped to the bounds, with an error if it exceeds one."""
+        """Return ``value`` clamped to the bounds ``low`` and ``high``; if it exceeds one, add an error at ``mark``.
+
+        ``key`` is the name of the value in the error, and ``show`` formats the bound.
+        """
         if low is not None and value < low:
             self.add_error(mark, f"'{key}' must be at least {show(low)}")
             return low

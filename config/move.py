@@ -20,9 +20,9 @@ POINTS_ERROR = "'{}' needs three points, such as [shoulder, elbow, wrist]"
 
 @dataclass(frozen=True, slots=True)
 class JointSource:
-    """Columns that give a joint's angle: one ``column``, or three ``points``.
+    """Columns that give a joint's angle: one ``column``, or the coordinates of three ``points`` that enclose it.
 
-    The value is multiplied by ``sign``, and ``offset`` is added.
+    The angle is multiplied by ``sign``, and ``offset`` is added.
     """
 
     column: str = ""

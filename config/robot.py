@@ -91,7 +91,10 @@ class RobotConfig:
         return KINDS[self.sections[part].driver.kind]
 
     def keys(self, cls: type[K]) -> K | None:
-        """Return the keys of the first section that are of class ``cls``: of a kind (``ArmKeys``), or of one driver."""
+        """Return the keys of the first section whose class is ``cls``, or None without one.
+
+        ``cls`` is the class of a kind of part (``ArmKeys``), or of one driver.
+        """
         return next((each.keys for each in self.sections.values() if isinstance(each.keys, cls)), None)
 
     def with_keys(self, part: str, keys: object) -> Self:

@@ -103,7 +103,11 @@ def _read_form(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> 
 
 
 def _read_collection(fields: Fields, key: Key, word: str, node: Node, at: KeyPath) -> Any:
-    """Return a list, a mapping of names, or several quantities; else the plain value."""
+    """Return the value of a node as the form of its key requires.
+
+    That is a tuple for a list and for several quantities, and a dict for a mapping with free names; else the plain
+    value.
+    """
     items = node.items if isinstance(node, Listing) else []
     match key.form:
         case "span" | "vector":
@@ -250,7 +254,7 @@ def _read_rest(fields: Fields, key: Key, words: set[str]) -> dict[str, float]:
 
 
 def _mark_at(node: Node, at: KeyPath, *, named: bool) -> Mark | None:
-    """Return the mark of the value (or name) at a path, or None if the file does not have it."""
+    """Return the mark of the value at a path, or of its name if ``named``; None if the file does not have the path."""
     for place, step in enumerate(at):
         if isinstance(node, MarkedMapping):
             entry = next((entry for entry in node.entries if entry[0].text == step), None)

@@ -160,7 +160,10 @@ def _of_key(source: SourceText, mark: Mark, word: str, behind_dash: str) -> Diag
 
 
 def _under_value(source: SourceText, line: str, mark: Mark) -> Diagnostic | None:
-    """Find a key that is indented below a key that has a value already, such as ``timeout`` under ``say: Hello``."""
+    """Return a diagnostic for a key that is indented below a key that already has a value, else None.
+
+    An example is ``timeout`` under ``say: Hello``.
+    """
     key = re.match(r"( *)(\w+):(?=\s|$)", line)
     above = re.match(r"( *(?:- +)*)(\w+): +[^\s#|>]", source.line(mark.line - 1))
     if key is None or above is None or len(key[1]) <= len(above[1]):
@@ -173,7 +176,10 @@ def _under_value(source: SourceText, line: str, mark: Mark) -> Diagnostic | None
 
 
 def _open_quote(source: SourceText, number: int) -> Mark | None:
-    """Find a quote above that is not closed on its line, so that the next quote in the file closes it."""
+    """Return the mark of a quote at or above line ``number`` that is not closed on its own line; None without one.
+
+    The next quote in the file would close it.
+    """
     for at in range(number, 0, -1):
         quote = re.match(r" *(?:- +)*(?:[^\s:\"'][^:\"']*: +)?(\"(?:[^\"\\]|\\.)*|'[^']*)(\"|')?", source.line(at))
         if quote is not None and quote[2] is None:
@@ -182,7 +188,7 @@ def _open_quote(source: SourceText, number: int) -> Mark | None:
 
 
 def _open_expression(line: str) -> re.Match[str] | None:
-    """Find a ``${...}`` without quotes inside brackets or braces of its line."""
+    """Return the match of a ``${...}`` without quotes inside brackets or braces of its line; None without one."""
     for hole in re.finditer(r"\$\{[^{}]*\}", line):
         before = line[: hole.start()]
         if before.count('"') % 2 == 0 and before.count("'") % 2 == 0 and re.search(r"(?:^|[\s:,\[{-])[\[{]", before):

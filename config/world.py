@@ -70,7 +70,7 @@ class BatteryConfig:
 
 @keys
 class PushConfig:
-    """Push at the trunk of a robot with physics, with the impulse that gives the robot ``speed``."""
+    """Push at the trunk of a robot with physics; its impulse changes the robot's velocity by ``speed`` (m/s)."""
 
     at: float = key("duration", low=0.0, help="Time from the beginning.")
     speed: float = key("speed", low=0.0, high=5.0, help="Strength: the speed that the push gives the robot.")

@@ -319,7 +319,10 @@ class Rectangle:
 
 @dataclass(frozen=True, slots=True)
 class FloorSubject:
-    """Item to place: its ``label`` in messages, the ``mark`` of its errors, and its ``subject_path`` in the file."""
+    """Item to place on the floor, with its ``label`` in messages.
+
+    ``mark`` is the path in the world file at which its errors are shown, ``subject_path`` the path of the item itself.
+    """
 
     label: str
     mark: ItemPath

@@ -21,7 +21,7 @@ class NotEditableError(ValueError):
 
 
 def with_value(source: SourceText, keys: Sequence[str], value: str) -> str:
-    """Return the text of a YAML file with ``value`` at ``keys``, replaced or added.
+    """Return the text of a YAML file with ``value`` at the path ``keys``, replaced or added.
 
     Raises NotEditableError if an outer mapping is missing or written elsewhere (an alias), InvalidFileError for invalid
     YAML.

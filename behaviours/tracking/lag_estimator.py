@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from drivers.api.fast_dataclass import dataclass
 
 LAG_GRID = tuple(step * 0.02 for step in range(26))
-"""Candidate command lags of a base in seconds."""
+"""Candidate values, in seconds, for the command lag of a base."""
 
 PRIOR_SIGMA = 0.1
 """Standard deviation in seconds of the command lag before anything has been learnt."""

@@ -135,7 +135,10 @@ class TreeDrawing:
 
 
 class NodeLabels:
-    """Texts for the nodes of a drawing. In a drawing of a run, statuses come first, as ``signs``."""
+    """Texts for the nodes of a drawing. If the drawing shows a run, each text begins with the sign of the status.
+
+    ``signs`` are the signs by status.
+    """
 
     def __init__(self, drawing: TreeDrawing, signs: Mapping[Status, str] = SIGNS) -> None:
         self._file = drawing.file
@@ -165,7 +168,7 @@ class NodeLabels:
         return tuple(filter(None, texts))
 
     def sign(self, status: Status) -> str:
-        """Return the sign of a status with a space, or an empty text in a mission at rest."""
+        """Return the sign of a status and a space; an empty text if the drawing does not show a run."""
         return f"{self._signs[status]} " if self._live else ""
 
     def _place(self, file: str, line: int) -> str:
@@ -188,7 +191,10 @@ def outline(drawing: TreeDrawing) -> str:
 
 
 def _lines(box: TreeBox, labels: NodeLabels, first: str, rest: str) -> Iterator[str]:
-    """Yield the lines of a node and all nodes below it, with the branches ``first`` and ``rest`` as prefixes."""
+    """Yield the lines of a node and all nodes below it.
+
+    ``first`` and ``rest`` are the parts of the tree's branches that come before the first line and before all others.
+    """
     said = [_badge(*labels.badge(box, badge)) for badge in box.badges]
     title, *more = labels.box(box)
     said.append(" ".join((box.symbol, title, *more)))

@@ -263,7 +263,10 @@ def _swing_head(bench: OpenHead, seconds: float) -> None:
 
 
 def _set_trims(bench: OpenHead, pan: float | None, tilt: float | None) -> tuple[float, float]:
-    """Set the trims (degrees), and wait until the head looks ahead with them."""
+    """Set the trims (degrees), and wait until the head looks ahead with them; return the trims.
+
+    None leaves the trim of that axis unchanged.
+    """
     trims = bench.trimmer.trim(pan=None if pan is None else radians(pan), tilt=None if tilt is None else radians(tilt))
     bench.look(STRAIGHT_AHEAD)
     return trims

@@ -137,8 +137,8 @@ class AuthGate:
     def _redirect_signed_in(self, scope: Scope, query: dict[str, list[str]], role: Role) -> Response:
         """Return a redirection to a link that has a proof instead of the token.
 
-        So the token does not stay in the browser's history. The response also sets the cookie of the sign-in, if the
-        browser has none of this role.
+        So the token does not stay in the browser's history. If the browser has no sign-in of this role yet, the
+        response also sets the cookie of one.
         """
         headers = Headers(scope=scope)
         value = ""

@@ -204,9 +204,10 @@ class ConnectionAcceptor:
         return True
 
     def _evict_one(self, among: list[ClientConnection]) -> bool:
-        """Close one connection, unless all have signed in; return whether one was closed.
+        """Close one of the connections ``among``, unless all have signed in; return whether one was closed.
 
-        Of the connections with the fewest credentials, it closes the oldest one of the network that has most of them.
+        Only connections with the lowest ``AuthLevel`` are considered. Of these, the oldest connection of the network
+        that has the most connections is closed.
         """
         lowest = min((each.auth_level for each in among), default=AuthLevel.SIGNED_IN)
         if lowest is AuthLevel.SIGNED_IN:

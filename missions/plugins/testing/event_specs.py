@@ -15,7 +15,7 @@ VERBS = (*NODE_VERBS, *PART_VERBS, *BASE_VERBS, *REFLEX_VERBS)
 SAYS = ("say", "says")
 
 NodeError = Callable[[str], str]
-"""Returns the error for a node name, empty if the mission has such a node."""
+"""Function that returns an error for the name of a node; empty if the mission has such a node."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class ObservedEvent:
 
 @dataclass(frozen=True, slots=True)
 class EventSpec:
-    """An event named in a test file. It matches texts that contain ``text``."""
+    """An event named in a test file: a source, its action ``verb``, and a part of the event's ``text``."""
 
     name: str
     verb: str

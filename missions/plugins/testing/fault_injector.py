@@ -22,7 +22,7 @@ SLIP_SHARE = 0.9
 """Share of their path that slipping wheels lose."""
 
 BACKUP_DISTANCE = 0.025
-"""Metres that a base with a backup limit backs up: an inch, as users report of a Create 3."""
+"""Metres that a base drives back before its backup limit stops it: an inch, as users report of a Create 3."""
 
 HAND_VELOCITY = Velocity(0.15, 0.4)
 """Velocity (m/s, rad/s) with which a simulated person drives the base."""

@@ -21,7 +21,7 @@ Place = tuple[str, int, str, str]
 
 @dataclass(slots=True)
 class NodeCoverage:
-    """Coverage of one node. ``ends`` are its possible ends, ``statuses`` those observed."""
+    """Coverage of one node: its possible ``ends``, and the ``statuses`` that the test cases have shown."""
 
     line: int
     kind: str
@@ -245,7 +245,7 @@ def as_dict(verdict: CaseVerdict) -> dict[str, object]:
 
 
 def sort_verdicts(verdicts: Sequence[CaseVerdict]) -> list[CaseVerdict]:
-    """Return verdicts sorted by the order of the files."""
+    """Return verdicts sorted by test file, and by the position of the case in the file."""
     return sorted(verdicts, key=lambda verdict: (verdict.case.source.name, verdict.case.mark))
 
 

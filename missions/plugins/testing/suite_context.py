@@ -85,9 +85,9 @@ class SuiteContext:
     behaviours: Sequence[Path] = ()
     leaves: Named[str, type[Leaf]] = field(default_factory=dict)
     robot: str | None = None
-    """Default robot of the cases; None for that of `mission run`. Shipped tests name a robot.
+    """Default robot of the cases, for cases that name none; None for the default of `mission run`.
 
-    The same holds for ``world``.
+    Shipped tests name a robot. The attribute ``world`` is the default world in the same way.
     """
     world: str | None = None
     plans: dict[tuple[str, frozenset[tuple[str, str]]], Plan] = field(default_factory=dict, compare=False)

@@ -70,7 +70,7 @@ class UnboundedCount(int):
 
 @dataclass(frozen=True, slots=True)
 class AbstractList(ListMembers):
-    """Members of a list of unknown or unbounded length."""
+    """Members of a list whose length is unknown or has no upper bound."""
 
     rounds: UnboundedCount
 

@@ -38,7 +38,10 @@ class Oracle:
         self.choices, self._reports = [], {}
 
     def choose(self, options: Sequence[T], describe: Callable[[T], str]) -> T:
-        """Return one of ``options``; ``describe`` returns its text for a trace; empty if not worth showing."""
+        """Return one of ``options``, as the script says.
+
+        ``describe`` returns the text of an option for a trace; an empty text means that the choice is not shown.
+        """
         if len(options) == 1:
             return options[0]
         place = len(self.choices)

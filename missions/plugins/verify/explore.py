@@ -19,7 +19,7 @@ GOING, HALTING, RESTED = "going", "halting", "rested"
 """Kinds of a state: the run is ticked; it is halting; it is at rest after a halt."""
 
 MAX_TIMED_VARIANTS = 10
-"""Maximum number of states that differ only in time bounds; beyond that, time bounds are made coarser."""
+"""Maximum number of states that differ only in their time bounds; more would be merged by coarser bounds."""
 
 
 MAX_TRANSITIONS_PER_STATE = 40
@@ -190,7 +190,7 @@ class StateSpace:
         return found
 
     def can_reach(self, goals: Iterable[int]) -> set[int]:
-        """Return the states from which one of ``goals`` can be reached, the goals included."""
+        """Return the numbers of the states from which one of ``goals`` can be reached, the goals included."""
         before: defaultdict[int, list[int]] = defaultdict(list)
         for number, place in enumerate(self.places):
             for later in place.successors:

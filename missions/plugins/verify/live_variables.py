@@ -32,7 +32,7 @@ NO_NAMES: Names = frozenset()
 
 
 class LiveAfter(NamedTuple):
-    """Variables that may still be read after the success of a node, and after its failure."""
+    """Variables that may still be read after each end of a node: success, failure, or skipped."""
 
     success: Names
     failure: Names
@@ -42,7 +42,10 @@ class LiveAfter(NamedTuple):
 PASSIVE_MODIFIERS = frozenset(
     word for word, kind in MODIFIERS.items() if kind.value != "duration" and not kind.repeats and not kind.every_tick
 )
-"""Modifiers that run only with their child and do not act on it: the live variables are those of the child."""
+"""Modifiers that run only with their child and do not act on it.
+
+The variables that are live while such a modifier runs are those of its child.
+"""
 
 
 def live_while_running(tree: Step) -> Mapping[str, Names]:
@@ -68,7 +71,10 @@ class LivenessAnalysis:
         self._known: dict[str, Names] = {}
 
     def live_before(self, step: Step, key: str, live_after: LiveAfter) -> Names:
-        """Return the variables live before ``step`` starts, and record those live during it and the steps below it."""
+        """Return the variables that a run may still read when ``step`` starts.
+
+        The variables that are live during the step, and during the steps below it, are stored in ``running``.
+        """
         children = tuple(
             partial(self.live_before, child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)
         )

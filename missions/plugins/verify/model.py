@@ -195,7 +195,7 @@ def durations(tree: Step) -> frozenset[float]:
 
 
 def missing_params(plan: Plan) -> frozenset[str]:
-    """Return the params that only a caller can give, and that are not given here."""
+    """Return the params that have no value in ``plan``, since only the caller of the mission can give them."""
     reads = {
         read.name
         for step in steps_in_scope(plan.tree)

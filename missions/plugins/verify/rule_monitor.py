@@ -229,7 +229,7 @@ class RuleMonitor:
             self._add_broken(monitor, monitor.on_start(leaf, live), leaf)
 
     def on_left_moving(self, leaf: "StandIn") -> None:
-        """Handle a halted leaf that does not stop its parts."""
+        """Note that a halted leaf has left its actuators moving, because it does not stop them."""
         self.moving |= leaf.drives
 
     def add_violation(self, leaf: "StandIn", message: str) -> None:

@@ -165,7 +165,7 @@ def _status_index(part: NodeFields) -> int:
 def _recomputes_result(node: Node) -> bool:
     """Return whether a leaf computes its result again at each tick, so that its old result has no effect.
 
-    All leaves that stop at once do so.
+    That holds for all leaves that need no time to stop.
     """
     return isinstance(node, StandIn) and not node.lingers
 

@@ -29,7 +29,7 @@ EARLY_RESULT = TickOutcome(RUNNING, has_result=True)
 STATUS_VERBS = {RUNNING: "runs", SUCCESS: "succeeds", FAILURE: "fails"}
 
 SENSOR_NAMES = {"range": "range finder", "ros2": "topic"}
-"""Names of condition sensors that differ from the name of the part."""
+"""Names in messages of the parts that conditions read, as far as they differ from the part's own name."""
 
 FIXED_STATUSES = {Succeed: SUCCESS, Log: SUCCESS, Fail: FAILURE}
 """Leaves that always return the same status at once."""
@@ -89,7 +89,7 @@ class StandIn(Leaf):
         return self.lingers and self.oracle.choose((False, True), self._describe_halting)
 
     def _count_unticked_time(self) -> None:
-        """Do nothing: a pause has no effect on a tree, and its clock would add states and choices."""
+        """Do nothing: time without a tick has no effect on a tree, and counting it would add states and choices."""
 
     @property
     def can_end(self) -> bool:
@@ -133,7 +133,7 @@ class WaitStandIn(StandIn):
 
 
 def wait_seconds(step: Step) -> float | None:
-    """Return the duration of a step's leaf in seconds; None if unknown."""
+    """Return for how many seconds a step's leaf waits; None if that is unknown."""
     if step.leaf is None or not issubclass(step.leaf, Wait) or step.arguments["duration"].template is not None:
         return None
     known = step.arguments["duration"].constant

@@ -215,8 +215,8 @@ class RuleChecker:
     def _first_state_without(self, goals: Iterable[int], matters: Callable[[str], bool]) -> int | None:
         """Return the number of the state nearest to the start from which no goal is reachable; None if there is none.
 
-        Only states are considered for whose kind ``matters`` is true. A goal could also be reached through unexplored
-        states.
+        Only states are considered for whose kind ``matters`` is true. Unexplored states count as goals, since they
+        might lead to one.
         """
         if self._space.model.shuffler.is_sampled:
             return None  # an unexplored order could lead there

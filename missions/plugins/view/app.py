@@ -24,7 +24,7 @@ STALE_TIMEOUT = 2.0
 """Seconds without a message after which the display is marked as old."""
 
 MIN_WIDE_COLUMNS = 110
-"""Columns from which on the robot is shown beside the tree, not below it."""
+"""Number of terminal columns from which on the robot is shown beside the tree, not below it."""
 
 MAX_LOG_LINES = 1000
 """Maximum number of lines that the view keeps in its log."""

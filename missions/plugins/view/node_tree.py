@@ -19,7 +19,7 @@ Message = Mapping[str, Any]
 """Message from a run to its view, as ``missions.trees.feed`` makes it: the changes since the message before."""
 
 MAX_UNFOLDED_NODES = 60
-"""Nodes above which sub-missions are folded at first."""
+"""Number of nodes of a mission above which its sub-missions are folded at first."""
 
 
 class NodeTree(Tree[TreeBox], inherit_bindings=False):

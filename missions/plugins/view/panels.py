@@ -23,7 +23,7 @@ DIM, GOOD, POOR, BAD = "#8a8a8a", "#4fc08d", "#e0c060", "bold #f08a5d"
 
 
 class LevelSign(NamedTuple):
-    """Sign and colour for the level of a part, such as WARN; ``ascii`` is the sign without Unicode."""
+    """Sign and colour for the health of a part, such as WARN; ``ascii`` is the sign without Unicode."""
 
     sign: str
     ascii: str
@@ -36,7 +36,7 @@ LEVELS: Mapping[str, LevelSign] = {
     "ERROR": LevelSign("✗", "x", BAD),
     "STALE": LevelSign("…", "~", POOR),
 }
-"""Signs of the levels of parts, as in ``missions.executive.parts``."""
+"""Sign of each health level of a part; ``missions.executive.parts`` defines the levels."""
 
 LOG_STYLES: Mapping[str, str] = {
     "✗": BAD,
@@ -46,7 +46,7 @@ LOG_STYLES: Mapping[str, str] = {
     "warning:": POOR,
     "robot:": "bold",
 }
-"""Colours of log lines, by a word that is one of the first in the line."""
+"""Colour of a log line, by a word near its beginning, such as "error:"."""
 
 ASCII_TABLE = str.maketrans({"✓": "+", "✗": "x", "…": "~", "°": "deg", "\N{REPLACEMENT CHARACTER}": "?"})
 """Replacements of the view's Unicode signs by ASCII, for ``str.translate``."""
@@ -70,7 +70,7 @@ FIGURE_FORMATS: Mapping[str, tuple[str, float]] = {
 
 @dataclass(slots=True)
 class ViewState:
-    """Known state of a run; ``plain`` for a terminal with ASCII only."""
+    """State of a run as known from its messages to the view; ``plain`` for a terminal with ASCII only."""
 
     plain: bool = False
     mission: str = ""

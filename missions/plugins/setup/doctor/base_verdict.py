@@ -180,7 +180,7 @@ class TryBase(Leaf):
             self.robot.base.drive(velocity)
 
     def _runs_away(self, moved: InstrumentReadings, velocity: Velocity) -> bool:
-        """Return whether the instruments show far more motion than was commanded."""
+        """Return whether the instruments show more than ``MAX_MOTION_RATIO`` times the commanded motion."""
         if velocity == ZERO_VELOCITY or not self.trial.measured:
             return False
         turned, way = abs(moved.gyro or 0.0), max(abs(moved.left), abs(moved.right))
@@ -390,8 +390,8 @@ def _findings_without_motion(trial: BaseTrial, counted: tuple[Signs, Signs]) -> 
 def _gyro_findings(trial: BaseTrial, truth: tuple[Signs, Signs], *, encoders_right: bool) -> Iterator[Finding]:
     """Yield findings on the gyro, whose rotations are compared with those that the base really made.
 
-    ``truth`` are the real directions of the wheels in both steps. If gyro and encoders disagree, the finding names the
-    one that is probably wrong.
+    ``truth`` are the real directions of the wheels in the turn and in the motion ahead. If gyro and encoders disagree,
+    the finding names the one that is probably wrong.
     """
     drift = 0.0 if trial.rest.gyro is None or not trial.rest.seconds else trial.rest.gyro / trial.rest.seconds
     for moved, (left, right), commanded in (

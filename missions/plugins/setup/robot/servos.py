@@ -224,7 +224,7 @@ CALIBRATION_KEYS = ("limits", "zero", "reverse", "ticks")
 
 
 def offer_calibration(talk: Dialogue, arm: str, part: RobotPart, path: str, *, extra_timeout: float) -> None:
-    """Offer the calibration file that matches the servos of ``arm``. Only reads."""
+    """Offer the calibration file that matches the servos of ``arm``. Servos are only read, not changed."""
     held = _calibrated_registers(talk, arm, part, path, extra_timeout)
     found = match_calibration(held) if held else None
     if found is None:

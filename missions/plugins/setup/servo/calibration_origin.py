@@ -84,7 +84,7 @@ def load_settings(path: Path) -> RegisterValues:
 
 
 def _validate(content: Any) -> RegisterValues:
-    """Return the content of a file as settings. Raises ValueError."""
+    """Return the JSON content of the file that identifies servos as their settings. Raises ValueError."""
     if not isinstance(content, dict) or not content:
         raise ValueError("no servos in it")
     for name, each in content.items():
@@ -144,9 +144,9 @@ def require_same_models(before: RegisterValues, now: RegisterValues) -> None:
 def find_doubts(
     bus: ServoBus, calibrations: Mapping[Joint, MotorCalibration], before: RegisterValues, now: RegisterValues
 ) -> list[str]:
-    """Return a line for each joint whose servo may not be the calibrated one.
+    """Return a line for each joint whose servo may be another one than the servo that was calibrated.
 
-    ``before`` are the settings of the calibrated servos, ``now`` those of the connected ones. A position outside the
+    ``before`` are the settings of the calibrated servos, ``now`` those of the connected servos. A position outside the
     calibrated range causes a line too. Raises NoReply, NotConnected, BadRequest.
     """
     found = []

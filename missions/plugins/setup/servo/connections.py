@@ -94,13 +94,14 @@ class OpenBus:
         return [self.identify(joint.spec.id) for joint in self.select_joints(() if selector == "all" else (selector,))]
 
     def servo(self, selector: str) -> tuple[ServoAddress, ServoModel]:
-        """Return the single servo of an ID or a joint. Raises as ``servos``."""
+        """Return the single servo of an ID or a joint. Raises the same exceptions as ``servos``."""
         return self.identify(int(selector) if _ID.fullmatch(selector) else self.joint(selector).spec.id)
 
     def identify(self, servo: int) -> tuple[ServoAddress, ServoModel]:
-        """Return address and model of the servo with an ID. Raises as ``servos`` does.
+        """Return address and model of the servo with an ID. Raises the same exceptions as ``servos``.
 
-        If servos of protocols 1.0 and 2.0 both have this ID, it is refused, unless a joint of the robot file has it.
+        If servos of protocols 1.0 and 2.0 both have this ID, an error is raised, unless a joint of the robot file has
+        it.
         """
         identities: list[ServoIdentity] = []
         trouble: DriverError | None = None

@@ -53,7 +53,10 @@ def error_table(errors: Mapping[str, JointError]) -> str:
 
 
 def write_csv(path: Path, samples: Sequence[JointSample]) -> None:
-    """Write a line for each reading of each joint; see ``CSV_COLUMNS``. Raises OSError."""
+    """Write the readings of a played movement to a CSV file, a line for each reading of each joint.
+
+    ``CSV_COLUMNS`` lists the columns. Raises OSError.
+    """
     text = StringIO(newline="")
     writer = csv.writer(text)
     writer.writerow(CSV_COLUMNS)

@@ -1,4 +1,4 @@
-"""Benchmark of controllers in all scenarios with each body, as a table."""
+"""Benchmark of face-tracking controllers: every scenario with head, base or both, as a table."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +27,7 @@ CENTRED_ERROR = radians(2)
 """Largest error in radians at which the face counts as centred."""
 
 MIN_CENTRED_TIME = 0.5
-"""Minimum seconds for which the face must stay centred before its motion becomes unforeseeable."""
+"""Seconds for which a face must be followed until its motion becomes unforeseeable, to count as centred."""
 
 _TIME_STEP = 0.0005
 
@@ -61,7 +61,7 @@ class Score:
 
     @property
     def ratio_known(self) -> float | None:
-        """Time to centre the face, divided by the limit for an observed motion."""
+        """Time to centre the face, divided by ``known``, the bound if the motion must first be observed."""
         return self.centred / self.known if self.centred is not None and self.known > 0 else None
 
 
@@ -83,7 +83,7 @@ ABILITIES = {
 
 
 def ability_of(body: TrackingBody) -> Ability:
-    """Return the ability of a body; head and base together at most reach their sum."""
+    """Return the ability of a body; for head and base together, the sums of their speeds and accelerations."""
     if body is not TrackingBody.BOTH:
         return ABILITIES[body]
     head, base = ABILITIES.values()
@@ -117,7 +117,7 @@ def score_trial(trace: TrackingTrace, scenario: Scenario, body: TrackingBody) ->
 
 
 def _swings(errors: Sequence[float]) -> int:
-    """Return the number of sign changes among the errors beyond ``CENTRED_ERROR``."""
+    """Return the number of sign changes among the ``errors`` that are larger than ``CENTRED_ERROR``."""
     sides = [error > 0 for error in errors if abs(error) > CENTRED_ERROR]
     return sum(before != after for before, after in pairwise(sides))
 

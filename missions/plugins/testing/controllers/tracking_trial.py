@@ -35,7 +35,7 @@ from perception.tracks import AngleFilter
 # Motion of a face in front of a robot, and the robot's joints that follow it.
 
 StampNoise = Callable[[float, Random], float]
-"""Returns the error of a time stamp in seconds at a scenario time; its second argument supplies random values."""
+"""Function that returns the error (s) of a time stamp, given the scenario time and a source of random values."""
 
 STEP_ANGLE = radians(25)
 WALK_RATE = radians(20)  # per second
@@ -241,16 +241,20 @@ FACE_TIMEOUT = 1.0
 """Seconds after which the track of an unseen face is dropped."""
 
 GATE_ANGLE = radians(20)
-"""Distance in radians from all predicted faces beyond which a face counts as new."""
+"""Distance in radians from the predicted positions of all known faces beyond which a face counts as new."""
 
 FLOW_NOISE = radians(0.1)
-"""Standard deviation in radians of a camera turn measured from the background, as measured on rendered rooms."""
+"""Standard deviation in radians of a camera turn that is measured from the picture's background.
+
+The value was found on rendered rooms.
+"""
 
 
 class FilteredSight(NewestView):
-    """Faces measured with noise from ``random``, and the camera's measured stamp delay.
+    """Simulated sight: the face's position with random noise, filtered as in a real run.
 
-    ``gaze(time)`` is the robot's estimate of the camera's direction. ``now`` returns the time.
+    It also measures the delay of the camera's stamps. ``random`` supplies the noise. ``gaze(time)`` is the robot's
+    estimate of the camera's direction. ``now`` returns the time.
     """
 
     def __init__(self, random: Random, gaze: Callable[[float], Gaze], now: Callable[[], float]) -> None:
@@ -327,7 +331,7 @@ WARM_UP_TIME = 2.0
 """Seconds at the begin of a trial in which the robot looks at its start direction, before the first picture."""
 
 FRAME_INTERVAL = 0.05
-"""Seconds between two pictures, and between two scheduled ticks. A processed picture also wakes a tick."""
+"""Seconds between two pictures, and between two scheduled ticks. A processed picture also starts a tick early."""
 
 FRAME_PHASE = 0.02
 """Offset of pictures from scheduled ticks in seconds: they are not synchronised."""

@@ -138,7 +138,7 @@ class ControllerTuning:
         return sum(costs) / len(costs)
 
     def _keeps_order(self, factors: Sequence[float]) -> bool:
-        """Return whether the numbers of each variable keep their order."""
+        """Return whether the numbers of each variable stay in their order when they are multiplied by ``factors``."""
         order: dict[tuple[str, ...], list[tuple[float, float]]] = defaultdict(list)
         for knob, factor in zip(self.groups, factors, strict=True):
             for figure in knob.figures:

@@ -16,7 +16,7 @@ NEAR_DISTANCE, FAR_DISTANCE, MAX_BEARING = 1.2, 3.0, 50.0
 """Metres between which they stand from the robot, and degrees to each side of it."""
 
 PUSH_WINDOW = 3.0, 7.0
-"""Times in seconds between which the robot is pushed."""
+"""Times in seconds after the start of a run between which the robot is pushed once."""
 
 ApplyValue = Callable[[PlainMapping, DrawnValue, Random], None]
 """Sets a value in the plain data of a world; ``Random`` makes further random choices of the run. Raises ValueError."""

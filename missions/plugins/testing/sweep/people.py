@@ -31,7 +31,7 @@ def start_pose(world: PlainMapping) -> tuple[float, float, float]:
 
 
 def set_distance(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Move a person to a distance from the robot, in the same direction, together with their path."""
+    """Move a person to a distance of ``value`` metres from the robot, in the same direction, with their path."""
     (x, y), (x0, y0, heading) = position_of(person), start_pose(world)
     angle = atan2(y - y0, x - x0) if (x, y) != (x0, y0) else heading
     right, up = x0 + float(value) * cos(angle) - x, y0 + float(value) * sin(angle) - y
@@ -39,7 +39,7 @@ def set_distance(world: PlainMapping, person: PlainMapping, value: DrawnValue) -
 
 
 def set_bearing(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Move a person to a bearing from the robot (degrees, to its left), at the same distance, with their path."""
+    """Move a person to a bearing of ``value`` degrees left of the robot, at the same distance, with their path."""
     (x, y), (x0, y0, heading) = position_of(person), start_pose(world)
     turn = heading + radians(float(value)) - atan2(y - y0, x - x0)
 
@@ -63,7 +63,7 @@ def set_look(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> No
 
 
 def set_facing(world: PlainMapping, person: PlainMapping, value: DrawnValue) -> None:
-    """Turn a person by this angle (degrees) from the robot's start position; at 0 they look at it."""
+    """Turn a person by ``value`` degrees from the direction of the robot's start position; at 0 they look at it."""
     (x, y), (x0, y0, _) = position_of(person), start_pose(world)
     person["facing"] = f"{atan2(y0 - y, x0 - x) + radians(float(value)):.9f} rad"
 

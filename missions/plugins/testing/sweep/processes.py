@@ -36,8 +36,8 @@ def split_seeds(seeds: Chunk, workers: int) -> list[Chunk]:
 def run_here(sweep: SweepPlan, seeds: Chunk, workers: int, *, work: Work = run_seeds) -> Generator[SweepRow]:
     """Yield a row for every seed, in order of completion, from ``workers`` processes.
 
-    After a worker has died, the seeds in the pool run again one by one; a seed that kills its worker again gets a row
-    with that reason. Close the iterator to stop: the workers end at once.
+    After a worker has died, all seeds that were submitted and have no row run again one by one. A seed whose worker
+    dies again gets a row with that reason. Close the iterator to stop: the workers end at once.
     """
     waiting = deque(split_seeds(seeds, workers))
     while waiting:

@@ -13,7 +13,7 @@ DrawnValue = float | int | str
 """Drawn value of a run: a number in the unit of its variation, or a word."""
 
 ANGULAR_KINDS = ("angle", "turn rate")
-"""Dimensions for which a number without a unit is refused."""
+"""Dimensions for which a number without a unit is refused, since it could be in degrees or in radians."""
 
 DECIMALS = 4
 """Decimals to which drawn numbers are rounded, so that tables and files show exactly the value of the run."""
