@@ -35,7 +35,10 @@ def missing_distributions(names: Iterable[str]) -> list[str]:
 
 
 def extra_hint(extra: str, *hints: str) -> str:
-    """Return ``hints`` as one line, after the command that installs ``extra`` if a part of it is missing."""
+    """Return ``hints`` as one line.
+
+    If a distribution that ``extra`` requires is missing, the line begins with the command that installs the extra.
+    """
     missing = missing_distributions(extras().get(extra, ()))
     return "; ".join(filter(None, [f"pip install 'missiontree[{extra}]'" if missing else "", *hints]))
 

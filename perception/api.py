@@ -150,9 +150,10 @@ class ThingSpec:
 
 @dataclass(frozen=True, slots=True)
 class Thing(Percept):
-    """A coloured shape: ``colour`` and ``shape`` in words ("red", "box"), ``name`` as in its specification.
+    """A coloured shape that matches a ``ThingSpec``: ``colour`` and ``shape`` in words ("red", "box").
 
-    ``size`` is its width in metres. If it is None, the distance is NaN.
+    ``name`` and ``size`` are those of the specification. ``size`` is the width in metres; if it is None, the distance
+    is NaN.
     """
 
     name: str
@@ -165,8 +166,8 @@ class Thing(Percept):
 class Marker(Percept):
     """A square marker on another robot, with its ``number``; ``name`` is that of the robot, if known.
 
-    ``heading`` in radians is the direction of the marker's face as seen from here: 0 is towards the camera, positive
-    turned to its own left.
+    ``heading`` is the direction in radians that the marker faces, relative to the camera: 0 if it faces the camera,
+    positive if it is turned to its own left.
     """
 
     number: int
@@ -225,7 +226,10 @@ class Sight(Protocol):
         ...
 
     def scene(self) -> Scene | None:
-        """Return the brightness and contrast of the newest frame, or of one up to 0.2 s old; None before the first."""
+        """Return the brightness and contrast of the newest frame; None before the first frame.
+
+        They may be those of an earlier frame, which is at most 0.2 s old.
+        """
         ...
 
 
@@ -261,7 +265,10 @@ class Hearing(Protocol):
         ...
 
     def refused(self) -> Sequence[Words]:
-        """Return the utterances of the last 30 s that were refused, newest first, each with the nearest phrase."""
+        """Return the utterances of the last 30 s that were not accepted as a phrase, newest first.
+
+        Each has the phrase that is nearest to it, and a score that is too low.
+        """
         ...
 
     def level(self) -> Annotated[float, "unsampled"]:

@@ -101,7 +101,8 @@ class BoardViews:
     def _corner_distance(self, some: Corners, others: Corners) -> float:
         """Return the mean distance in pixels between the corners of two views of the board.
 
-        If the board looks the same upside down, it is the smaller one of the two possible distances.
+        A board that looks the same upside down may have its corners in reverse order. The distance is therefore
+        computed in both orders, and the smaller one is returned.
         """
         return min(float(np.linalg.norm(some - turned, axis=2).mean()) for turned in (others, others[::-1]))
 

@@ -30,13 +30,19 @@ MIN_TURN = radians(0.4)
 """Smallest turn of the camera in radians from which a pair of pictures has information about the delay."""
 
 PROBE_INDICES = [0, len(GRID) // 2, len(GRID) - 1]
-"""Indices of three delays in ``GRID``: the first, middle and last. If their poses differ, the camera turns."""
+"""Indices of three delays in ``GRID``: the first, middle and last.
+
+The camera counts as turning if the poses recorded at these three delays before a time stamp differ.
+"""
 
 MAX_PAIR_INTERVAL = 0.3
 """Largest time in seconds between the two pictures of a pair; after a longer time they show too little in common."""
 
 GRID_MARGIN = 0.02
-"""Margin in seconds at the start of ``GRID``: an estimated delay within it may really lie outside, and is not used."""
+"""Margin in seconds at the start of ``GRID``: an estimated delay within this margin is not used.
+
+The true delay may then be smaller than any delay of ``GRID``.
+"""
 
 MAX_USABLE_SPREAD = 0.02
 """Largest uncertainty of an estimated camera delay that is used: seconds, one sigma."""
@@ -67,13 +73,16 @@ MAX_STEADY_JITTER = 0.005
 """Jitter of time stamps below which the camera delay is only checked again now and then: seconds, one sigma."""
 
 MIN_CHECKED_PAIRS = 20
-"""Number of pairs of pictures that must confirm the camera delay before learning rests."""
+"""Number of pairs of pictures that must confirm the camera delay before learning pauses for ``MAX_REST``."""
 
 ONSET_OFFSETS: Floats = np.array([-0.06, 0.0, 0.1])
-"""Times of three poses, in seconds before an exposure, that show whether a turn has just begun; shape (3,), float64."""
+"""Times of three camera poses, in seconds before an exposure (negative: after it); shape (3,), float64.
+
+The poses show whether a turn has just begun: the camera has turned more after the exposure than before it.
+"""
 
 MAX_WATCHED_PICTURES = 2
-"""Number of pictures that are compared at the start of a camera turn although learning rests.
+"""Number of pictures that are compared at the start of a camera turn even while learning pauses.
 
 A delay that has changed shows first at the start of a turn.
 """
@@ -82,7 +91,7 @@ SUSPICION_ODDS = 20 * CHANGE_ODDS
 """Odds of a changed delay above which the delay is suspected, so that learning goes on."""
 
 MAX_REST = 8.0
-"""Seconds for which learning of the camera delay rests after a check has confirmed the delay."""
+"""Seconds for which learning of the camera delay pauses once the delay is known and confirmed."""
 
 
 class CameraDelay:
@@ -90,8 +99,8 @@ class CameraDelay:
 
     ``jitter`` is the standard deviation of the stamps in seconds, as far as known. ``informative_pairs`` counts the
     pairs of pictures with information about the delay. ``initial`` is used until an estimate is good enough. ``doubt``
-    is the uncertainty of the pose for the newest picture: radians, one sigma. ``is_distrusted`` is True after a change,
-    until the delay is estimated again.
+    is the uncertainty of the camera's direction for the newest picture: radians, one sigma. ``is_distrusted`` is True
+    from the detection of a changed delay until the new delay is estimated.
     """
 
     def __init__(self, initial: float = 0.0) -> None:
@@ -105,7 +114,11 @@ class CameraDelay:
 
     @property
     def is_known(self) -> bool:
-        """True if the delay may be stored: within ``MAX_STORABLE_SPREAD``, plausible, from enough pairs."""
+        """True if the delay is certain enough to be stored.
+
+        Its ``spread`` must be within ``MAX_STORABLE_SPREAD``, delay and jitter must be plausible, and it must not be
+        distrusted. At least ``MIN_INFORMATIVE_PAIRS`` pairs of pictures must have had information about it.
+        """
         possible = MIN_DELAY <= self.seconds <= MAX_DELAY and self.jitter <= MAX_JITTER
         return (
             self.spread <= MAX_STORABLE_SPREAD
@@ -125,9 +138,9 @@ class CameraDelay:
         return self.is_distrusted or float(self._grid.weights[:, near].sum()) < CONTRADICTION_PROBABILITY
 
     def start_chain(self, yaws: Floats) -> None:
-        """Start a chain of consecutive pictures whose turns are added up.
+        """Start a chain: consecutive pictures, between which the turns of the camera are added up.
 
-        ``yaws`` are the directions of the camera for its first picture, in radians: one per delay of ``GRID``.
+        ``yaws`` are the directions of the camera for the first picture, in radians: one for each delay of ``GRID``.
         """
         self._grid.start_chain(yaws)
         self.doubt = 0.0
@@ -138,10 +151,12 @@ class CameraDelay:
         """Process the next picture, and return True if the delay needs no learning for a while.
 
         ``image_turn`` is the turn of the camera since the picture before, measured by the background. ``pose_turns`` is
-        the same turn by the recorded poses, for each delay of ``GRID``. ``yaws`` are the directions of the picture
-        under each delay; without them, a chain starts from rest. All are in radians. ``unrecorded`` is as for
-        ``DelayGrid.update``. The delay needs no learning once it is known within ``MAX_KNOWN_SPREAD`` and confirmed by
-        ``MIN_CHECKED_PAIRS`` pairs.
+        the same turn by the recorded poses, one for each delay of ``GRID``. ``yaws`` are the directions of the camera
+        for this picture, one for each delay; if None, ``pose_turns`` are added to the directions for the picture
+        before. All are in radians. ``unrecorded`` is as for ``DelayGrid.update``.
+
+        The delay needs no learning once it is known within ``MAX_KNOWN_SPREAD``, the jitter is at most
+        ``MAX_STEADY_JITTER``, and ``MIN_CHECKED_PAIRS`` pairs have confirmed the delay.
         """
         yaws = self._grid.yaws + pose_turns if yaws is None else yaws
         if max(abs(image_turn), float(np.abs(pose_turns).max())) < MIN_TURN:
@@ -165,7 +180,7 @@ class CameraDelay:
         self._checked_pairs = 0
 
     def _estimate(self) -> None:
-        """Update the estimate of delay and jitter from the grid."""
+        """Update the estimate of delay and jitter from their probabilities in the ``DelayGrid``."""
         weights = self._grid.weights.sum(axis=0)
         self.jitter = float(self._grid.weights.sum(axis=1) @ JITTERS)
         mean = float(weights @ GRID)
@@ -197,7 +212,7 @@ class ExposedFrame:
 
 @dataclass(frozen=True, slots=True)
 class _TurnPicture:
-    """A picture taken during a turn: its stamp, and the yaw of the camera under each delay.
+    """A picture taken during a turn: its stamp, and the yaw of the camera for each delay of ``GRID``.
 
     ``picture`` returns the picture with columns of equal angle (see ``perception.levelling``), computed at the first
     call.
@@ -212,8 +227,8 @@ class ExposureEstimator:
     """Estimates the exposure time of each frame, and learns ``delay`` while the camera turns.
 
     ``gaze(time)`` returns the direction of the camera, the newest one for a later time, or None if unknown. ``now``
-    returns the present time, from which it is known which poses are not recorded yet; without it, all poses count as
-    recorded.
+    returns the present time. A pose of the last few hundredths of a second may not be recorded yet; such poses are only
+    detected with ``now``.
     """
 
     def __init__(

@@ -1,10 +1,11 @@
 """Probabilities of camera delay and stamp jitter: a grid of Kalman filters.
 
 A picture is stamped ``t + d + j``: exposure time, delay, jitter. The background gives the turn of the camera since the
-first picture of a chain; the recorded poses give its direction at ``stamp - d``. Their difference, the level, is
-constant under the true delay, except for a random walk (errors of the background add up) and for the jitter, which
-appears as turn rate times ``j``. So each cell of the grid filters one level, and the likelihood of its innovations
-weighs the cell (Harvey, "Forecasting, Structural Time Series Models and the Kalman Filter", 1989, section 3.4).
+first picture of a chain; the recorded poses give its direction at ``stamp - d``. Their difference is called the level.
+It is constant if ``d`` is the true delay, with two exceptions: it drifts as a random walk, since errors of the
+background add up, and the jitter shifts it by the turn rate times ``j``. The grid has a cell for each pair of a delay
+and a jitter. Each cell filters one level, and the likelihood of its innovations weighs the cell (Harvey, "Forecasting,
+Structural Time Series Models and the Kalman Filter", 1989, section 3.4).
 
 - The variance of a cell grows with its jitter and with the turn rate under its delay. So a delay under which the camera
   seems to stand still, or to turn more evenly, gets no advantage (errors in variables).
@@ -63,7 +64,7 @@ MEMORY_PICTURES = 150
 """Number of informative pictures after which the weight of an old one has decayed to a third, because clocks drift."""
 
 CHANGE_ODDS = 0.001
-"""Prior odds that the camera delay has changed."""
+"""Prior odds, at any picture, that the camera delay has just changed."""
 
 CHANGE_WEIGHT = 5.0
 """Weight of a possible change of the delay when its uncertainty is computed.
@@ -74,17 +75,24 @@ It is above 1, since it costs more to trust a wrong delay than to doubt a right 
 MIN_RATE_CHANGE = radians(5)
 """Smallest change of the camera's turn rate (rad/s) from which a picture has information about the delay.
 
-The change is measured over the time that the delays of ``GRID`` span.
+It is the difference between the highest and the lowest turn rate within the 0.39 s that the delays of ``GRID`` span.
 """
 
 STEP_RATE_CHANGE = 40.0
-"""Increase of ``MIN_RATE_CHANGE`` if recorded poses change in steps: rad/s per radian of step."""
+"""Factor by which recorded poses that change in steps increase ``MIN_RATE_CHANGE``, in 1/s.
+
+The width of the steps in radians, times this factor, is added to ``MIN_RATE_CHANGE`` (rad/s): steps look like changes
+of the turn rate, even at a constant rate.
+"""
 
 RATE_WINDOW = 0.04
 """Standard deviation in seconds of the averaging window for turn rates."""
 
 UNRECORDED_LIKELIHOOD_SHARE = 0.8
-"""Likelihood of a delay whose poses are not recorded yet, as a share of the average, so that its weight decays."""
+"""Likelihood that is assumed for a delay whose poses are not recorded yet, as a share of the average likelihood.
+
+It is below 1, so that such a delay slowly loses its weight.
+"""
 
 MAX_POSE_AGE = 0.05
 """Seconds that a base or a head takes to report a pose."""
@@ -93,13 +101,20 @@ MIN_WEIGHT = 1e-12
 """Smallest probability of a pair of jitter and delay, so that none is excluded for ever."""
 
 _PAD = 8
-"""Padding cells beyond each end of the grid, for the tails of the jitter."""
+"""Number of delays by which the grid is extended at each end.
+
+A normal distribution of jitters around the first or the last delay needs this much room.
+"""
 
 _BEYOND: Floats = np.arange(1.0, _PAD + 1)
 
 
 def _kernel(deviation: float) -> Floats:
-    """Return the weights of a normal distribution around each delay; shape (40, 40 + 2 * 8), dtype float64."""
+    """Return normalised weights of a normal distribution around each delay of ``GRID``.
+
+    ``deviation`` is its standard deviation in seconds. The shape is (40, 40 + 2 * 8), dtype float64: 8 more delays at
+    each end of the grid.
+    """
     apart = DELAY_STEP * (np.arange(len(GRID))[:, None] + _PAD - np.arange(len(GRID) + 2 * _PAD)[None, :])
     weights = np.exp(-((apart / max(deviation, DELAY_STEP / 10)) ** 2) / 2)
     kernel: Floats = weights / weights.sum(axis=1, keepdims=True)
@@ -111,7 +126,7 @@ _RATE_KERNEL: Floats = (_kernel(RATE_WINDOW)[4:] - _kernel(RATE_WINDOW)[:-4]) / 
 
 
 class DelayGrid:
-    """Filters all delays at once. ``weights`` are probabilities of shape (5, 40): jitter, delay; dtype float64.
+    """Probabilities of all pairs of jitter and delay: ``weights``, of shape (5, 40), dtype float64.
 
     ``prior`` are unnormalised prior probabilities of the delays, of the shape of ``GRID``. ``change_odds`` are the odds
     that the delay has just changed; ``has_changed`` is True for the one picture at which a change is accepted.
@@ -131,9 +146,9 @@ class DelayGrid:
         self._innovation = np.zeros_like(self.weights)
 
     def start_chain(self, yaws: Floats) -> None:
-        """Start a chain of consecutive pictures whose turns are added up.
+        """Start a chain: consecutive pictures, between which the turns of the camera are added up.
 
-        ``yaws`` are the directions of the camera for its first picture, in radians: one per delay of ``GRID``.
+        ``yaws`` are the directions of the camera for the first picture, in radians: one for each delay of ``GRID``.
         """
         self.yaws, self._image_yaw = yaws, float(yaws[len(yaws) // 2])
         mean, variance, _ = self._smooth()
@@ -141,10 +156,10 @@ class DelayGrid:
         self._innovation = np.zeros_like(self.weights)
 
     def update(self, image_turn: float, yaws: Floats, unrecorded: Flags | None = None) -> None:
-        """Process the next picture: the turn by the background, and the ``yaws`` under each delay.
+        """Process the next picture: the turn measured by the background, and the camera's direction for each delay.
 
-        ``unrecorded`` marks the delays whose poses are not recorded yet, which are the first ones of ``GRID``. There
-        the turn is extrapolated.
+        ``yaws`` are these directions. ``unrecorded`` is True for each delay whose pose is not recorded yet; these are
+        the first delays of ``GRID``. For them the direction is extrapolated.
         """
         if unrecorded is not None and unrecorded.any():
             yaws = _extrapolate(yaws, int(unrecorded.sum()))
@@ -173,7 +188,10 @@ class DelayGrid:
         self._update_weights(likelihood**LIKELIHOOD_EXPONENT)
 
     def doubt(self, delay: float) -> float:
-        """Return the uncertainty (one sigma) of the pose for the newest picture under ``delay``."""
+        """Return how uncertain the camera's direction for the newest picture is, assuming the delay ``delay``.
+
+        In radians, one sigma.
+        """
         weights = self.weights.sum(axis=0) + CHANGE_WEIGHT * self._weights_after_change.sum(axis=0)
         off = self.yaws - np.interp(delay, GRID, self.yaws)
         row = int(self.weights.sum(axis=1).argmax())
@@ -181,9 +199,10 @@ class DelayGrid:
         return sqrt(float(weights @ off**2 / weights.sum()) + surprise**2)
 
     def _update_weights(self, likelihood: Floats) -> None:
-        """Multiply the weights of the cells by ``likelihood``, and those for a delay that has just changed.
+        """Multiply the weights of all cells by ``likelihood``.
 
-        A change is accepted when it is more likely than no change.
+        There is one set of weights for an unchanged delay, and one for a delay that has just changed. A change is
+        accepted when it is more likely than no change.
         """
         weights = (self.weights ** (1 - 1 / MEMORY_PICTURES) if self.is_informative else self.weights) * likelihood
         evidence = weights.sum()
@@ -201,8 +220,8 @@ class DelayGrid:
     def _smooth(self) -> tuple[Floats, Floats, bool]:
         """Return mean and variance of the yaw in each cell, of shape (5, 40), and whether the turn rate has changed.
 
-        Poses in steps, as of servos with whole degrees, are uncertain by about a step, which shows in their second
-        differences.
+        Poses may change in steps, as those of servos that take whole degrees. The size of the steps is estimated from
+        the second differences of the yaws, and added to the variance.
         """
         yaws = self.yaws - self._image_yaw
         before, after = (yaws[0] - yaws[3]) / 3 * _BEYOND[::-1], (yaws[-1] - yaws[-4]) / 3 * _BEYOND
@@ -220,8 +239,9 @@ class DelayGrid:
 def find_unrecorded(yaws: Floats, newest: float, times: Floats, now: float) -> Flags:
     """Return which delays of ``GRID`` need a pose of the camera that is not recorded yet, as an array of its shape.
 
-    ``yaws`` are the directions at ``times``, one per delay; a missing one equals ``newest``, the newest recorded yaw. A
-    camera at rest has that yaw, too, so only times within the last ``MAX_POSE_AGE`` seconds before ``now`` count.
+    ``yaws`` are the directions at ``times``, one for each delay; if the pose at a time is not recorded yet, its
+    direction is ``newest``, the newest recorded yaw. A camera at rest has that direction, too. So only times within the
+    last ``MAX_POSE_AGE`` seconds before ``now`` count as not recorded.
     """
     found: Flags = np.logical_and.accumulate((yaws == newest) & (times > now - MAX_POSE_AGE))
     return found

@@ -27,7 +27,10 @@ The network's author uses 0.6. With ten known people and grey pictures, 0.6 acce
 """
 
 MARGIN_PER_DISTANCE = 15.0
-"""Margin of a ``FaceMatch`` per unit of distance: distances of strangers have a standard deviation of 1/15."""
+"""Factor from a distance between features to the margin of a ``FaceMatch``.
+
+A margin is in standard deviations of strangers, and the distances of strangers have a standard deviation of 1/15.
+"""
 
 INSTALL_HINT = "pip install 'missiontree[people]'"
 
@@ -53,9 +56,9 @@ Learner = Callable[[str, Sequence[Image]], Sequence[Feature]]
 class DlibRecogniser:
     """A ``perception.identity.FaceRecogniser`` with dlib's network. For one thread at a time.
 
-    ``portraits`` are the pictures of each person, from ``perception.people.enrol``. At the first call of ``match``,
-    their features are computed by ``learn``, which may use a cache; by default by ``describe``. Errors of ``describe``
-    are passed on.
+    ``portraits`` are the pictures of each person, from ``perception.people.enrol``. ``describe`` computes the features
+    of one face. ``learn`` computes the features of all portraits of a person at the first call of ``match``, and may
+    use a cache; if None, ``describe`` is called for each portrait. Errors of ``describe`` are passed on.
     """
 
     def __init__(

@@ -33,12 +33,19 @@ PATCHES_PER_SIDE = CELLS // PATCH_SPACING
 """Number of searched patches along each side of a face."""
 
 Matches = npt.NDArray[np.float32]
-"""Best match of each patch of a face in each template, at most 1: shape (views, templates, PATCHES_PER_SIDE ** 2)."""
+"""Distance of the best match of each patch of a face in each template, 0 (equal) to 1.
+
+The shape is (views of the face, templates, PATCHES_PER_SIDE ** 2). Views are variants of the face, such as upright;
+templates are variants of the pictures of known people.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class PictureDescription:
-    """A picture of a person: patches as ``views``, to compare, and as ``templates``, to compare views with."""
+    """A picture of a person as patches: ``views`` are compared with the ``templates`` of other pictures.
+
+    Views and templates are variants of the picture, such as upright or mirrored.
+    """
 
     views: Sequence[Patches]
     templates: Sequence[Patches]
@@ -66,9 +73,9 @@ THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """
 
 MIN_COMPARED_PEOPLE = 3
-"""Number of people in the gallery from which on the statistics of strangers may fall below the prior.
+"""Smallest number of people in the gallery whose scores may lower the assumed mean and deviation of strangers.
 
-The statistics are the mean and the standard deviation of their scores.
+With fewer people, mean and standard deviation of strangers' scores are at least those of the prior.
 """
 
 OWN_SCORE_SHARE = 0.45
@@ -86,10 +93,10 @@ MAX_THRESHOLD_DEVIATIONS = 7.0
 class GalleryCalibration:
     """Thresholds of a gallery and its error rates, found by leaving out parts of it in turn.
 
-    ``refusal_rate`` is the share 0..1 of looks at known people without their name, ``acceptance_rate`` that of looks at
-    strangers with a name; None if unknown. ``look_count`` is the number of looks at known people. A score above
-    ``thresholds[name]`` means that person. ``uniform_people`` have nearly identical pictures. ``lookalikes`` maps a
-    person to a similar one.
+    A look is one comparison of a picture with the gallery. ``refusal_rate`` is the share 0..1 of looks at known people
+    that do not give their name, ``acceptance_rate`` the share of looks at strangers that give a name; None if unknown.
+    ``look_count`` is the number of looks at known people. A score above ``thresholds[name]`` means that person.
+    ``uniform_people`` have nearly identical pictures. ``lookalikes`` maps a person to a similar one.
     """
 
     thresholds: Mapping[str, float]
@@ -125,9 +132,10 @@ class Gallery:
         self.calibration = self._calibrate(people)
 
     def match(self, face: Sequence[Patches]) -> FaceMatch:
-        """Return the person most similar to the views of a face.
+        """Return the person most similar to a face, whose ``face`` has one or more views.
 
-        The margin is in standard deviations of looks at strangers.
+        The margin is the distance of the score from that person's threshold, in standard deviations of the scores of
+        strangers.
         """
         matches = self._match_patches(face)
         name, score = self._find_nearest(matches, np.ones(len(self._template_owners), np.bool_))
@@ -136,7 +144,7 @@ class Gallery:
         return FaceMatch(name, margin if name else -abs(margin))
 
     def _match_patches(self, face: Sequence[Patches]) -> Matches:
-        """Return the best match of the patches of each view in each template."""
+        """Return the best match of each patch of each view of a face in each template of the gallery."""
         first, window, count = PATCH_SPACING // 2, 2 * SEARCH_REACH + 1, len(self._template_owners)
         found = np.empty((len(face), count, PATCHES_PER_SIDE**2), np.float32)
         for place in range(PATCHES_PER_SIDE**2):
@@ -148,7 +156,11 @@ class Gallery:
         return np.asarray(1 - np.sqrt(np.maximum(1 - found, 0)), np.float32)
 
     def _find_nearest(self, matches: Matches, among: npt.NDArray[np.bool_]) -> tuple[str, float]:
-        """Return the nearest person and the score among the templates ``among``; "" for the cohort."""
+        """Return the name of the nearest person, and the score.
+
+        The name is empty if the nearest is a stranger of the cohort. Only the templates that are True in ``among`` are
+        compared.
+        """
         owners = np.unique(self._template_owners[among])
         best = (matches[:, among & (self._template_owners == owner)].max(axis=1) for owner in owners)
         likeness = [float(each.mean(axis=1).max()) for each in best]

@@ -15,7 +15,7 @@ READ_TIMEOUT = 0.1
 """Seconds to wait for a frame, and to pause after an error; ``close`` may take that long."""
 
 REST_AFTER = 2.0
-"""Seconds without a query after which ``Eyes`` that may rest stop reading frames."""
+"""Seconds without a query of results after which ``Eyes`` with ``may_rest`` stop reading frames."""
 
 WARM_UP_PICTURES = 3
 """Number of pictures to search after a rest before results are valid.
@@ -30,7 +30,7 @@ SCENE_LIFETIME = 0.2
 """Seconds for which a measured scene (brightness, contrast) is valid, unless motion is used."""
 
 MAX_PICTURE_INTERVAL = 0.15
-"""Maximum seconds between two pictures that are searched, even if few are needed."""
+"""Maximum seconds between two pictures that are searched, even if the detectors could skip more."""
 
 NO_FRAME_PAUSE = 0.005
 """Seconds to pause if a camera returned no frame, because a closed camera returns at once."""
@@ -48,12 +48,13 @@ class VisionEffort:
 class Vision(NewestView):
     """Searches frames and keeps the newest result: a ``perception.api.Sight``.
 
-    ``gaze(stamp)`` returns the direction of the camera at a past time, or None. ``field_of_view`` (or a function of
-    width and height of a picture), ``centre`` and ``distortion`` are those of ``perception.geometry.Pinhole``. ``now``
-    returns the time. ``delay`` is the camera delay, which is also estimated; None if stamps are exact. ``on_resume`` is
-    called before the first frame after a rest. Callbacks run on the thread that passes the frames, and must return at
-    once: ``on_view(view)`` after each frame, then ``on_frame(frame, gaze)``, then ``changed``; ``on_trouble`` for an
-    error.
+    ``gaze(stamp)`` returns the direction of the camera at a past time, or None. ``field_of_view``, ``centre`` and
+    ``distortion`` are those of ``perception.geometry.Pinhole``; ``field_of_view`` may also be a function that returns
+    it for the width and height of a picture. ``now`` returns the time. ``delay`` is the camera delay, which is also
+    estimated; None if stamps are exact. ``on_resume`` is called before the first frame after a rest.
+
+    Callbacks run on the thread that passes the frames, and must return at once: ``on_view(view)`` after each frame,
+    then ``on_frame(frame, gaze)``, then ``changed``; ``on_trouble`` for an error.
     """
 
     def __init__(

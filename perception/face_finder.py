@@ -1,10 +1,11 @@
 """Face detection and tracking over frames, at a small part of the cost of searching each frame.
 
-The whole picture is searched until there is a face: one frame for all but small faces, the next for those, then for
-leaning heads, by the search plan of the detector. After that, optical flow carries the box from frame to frame. Now and
-then a search of the region around it confirms the face, less often the better both agree. The whole picture is searched
-for newcomers now and then. In an empty scene every second frame is searched at first, then every eighth, and fewer
-while nothing changes. A face counts as long as more independent confirmations succeeded than failed.
+The whole picture is searched until there is a face. The search plan of the detector says for which faces: the first
+frame is searched for all but small faces, the second for small ones, later frames for leaning heads. After that,
+optical flow carries the box from frame to frame. Now and then a search of the region around it confirms the face, less
+often the better both agree. The whole picture is searched for newcomers now and then. In an empty scene every second
+frame is searched at first, then every eighth, and fewer while nothing changes. A face counts as long as more
+independent confirmations succeeded than failed.
 """
 
 from collections.abc import Iterable, Sequence
@@ -133,7 +134,10 @@ AGREEMENT_OVERLAP = 0.6
 """Overlap above which detector and optical flow agree on a face: a Haar box jitters by a tenth of its width."""
 
 MAX_RESTED_FRAMES = 2
-"""Largest number of consecutive frames in which a face of many is extrapolated instead of tracked."""
+"""Largest number of consecutive frames in which a face is extrapolated instead of tracked.
+
+Faces are only extrapolated if there are ``MIN_CROWD`` or more of them, to save time.
+"""
 
 RETRY_INTERVAL = 5
 """Frames from a failed search for a known face to the next search."""
@@ -168,7 +172,10 @@ class FollowedFace:
     rested_frames: int = 0
 
     def update_trust(self, confirmed: bool) -> None:
-        """Count a confirmation or a failure. While the trust is undecided, the face is searched in each frame."""
+        """Count a confirmation or a failure.
+
+        Until confirmations outnumber failures, the face is searched in each frame.
+        """
         self.trust = min(max(self.trust + (1 if confirmed else -1), -MAX_TRUST), MAX_TRUST)
         self.is_believed |= self.trust > 0
         if -MAX_TRUST < self.trust <= 0:
@@ -258,7 +265,7 @@ EMPTY_SEARCH_INTERVAL = 2
 """Frames between two searches while no face is found, for the first ``LONG_EMPTY_SEARCH_INTERVAL`` frames."""
 
 LONG_EMPTY_SEARCH_INTERVAL = 8
-"""Frames between two searches after this many frames without a face; twice as many if searches are expensive."""
+"""Frames between two searches once no face was found for that many frames; twice as many if searches are expensive."""
 
 MAX_ASIDE_SEARCHES = 6
 """Number of consecutive searches that find a face in profile after which it is no longer tracked."""
@@ -444,7 +451,7 @@ class FaceFinder:
         return EMPTY_SEARCH_INTERVAL if self._empty_frames < LONG_EMPTY_SEARCH_INTERVAL else LONG_EMPTY_SEARCH_INTERVAL
 
     def _next_search(self, image: Image | GreyImage) -> FaceSearch:
-        """Return the next search of the whole picture, by the plan."""
+        """Return the next search of the whole picture, by the detector's search plan."""
         sure = [known for known in self._faces if known.trust > 0]
         if self._lost_face_frames > 0 and (sure or self._lost_face_frames % 2):
             return self._lost_face_search
@@ -475,7 +482,10 @@ class FaceFinder:
         return thorough.is_confirmed(image, found.box, roll=found.roll)
 
     def _expect_return(self, lost: FollowedFace, image: Image | GreyImage) -> None:
-        """Search the whole picture soon for faces of the size of a lost face: someone may just have walked past it."""
+        """Search the whole picture soon for faces of the size of the face ``lost``.
+
+        It may come back, for example if someone has walked through the picture in front of it.
+        """
         self._lost_face_frames = LOST_FACE_FRAMES
         self._lost_face_search = self._search_for_face(lost.detection, image)
 
@@ -527,9 +537,10 @@ class FaceFinder:
         return sure and self._thorough is not None and self._thorough.is_turned_aside(image, known.detection.box)
 
     def _search_picture(self, image: Image | GreyImage, *, unless_still: bool) -> None:
-        """Search the whole picture for newcomers by the next search of the plan, and match known faces.
+        """Search the whole picture for newcomers, and match the found faces with the known ones.
 
-        With ``unless_still``, the search is skipped if the picture is unchanged since the last such search.
+        The detector's search plan selects the search. With ``unless_still``, the search is skipped if the picture is
+        unchanged since the last such search.
         """
         self._frames_since_search = 0
         self._newcomer_wait = min(4 * self._newcomer_wait, self._newcomer_interval)

@@ -68,7 +68,7 @@ class StillPictureDetector:
 
 
 def are_alike(before: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> bool:
-    """Return whether two pictures, given as cells of any size, show the same scene."""
+    """Return whether two pictures show the same scene, both given as the mean brightness of their cells."""
     return before.shape == now.shape and bool(
         np.count_nonzero(np.abs(now - before) > MIN_CELL_DIFFERENCE) <= MAX_CHANGED_CELLS
     )

@@ -96,7 +96,7 @@ class Pinhole:
         return true_x, true_y
 
     def face_distance(self, face: Box) -> float:
-        """Return the distance of a face in metres, estimated from its box. Raises ValueError for no width."""
+        """Return the distance of a face in metres, estimated from its box. Raises ValueError for a box of no width."""
         if not (isfinite(face.width) and face.width > 0):
             raise ValueError(f"camera: a face {face.width} pixels wide has no distance")
         return FACE_WIDTH * self.focal / face.width

@@ -23,7 +23,7 @@ MIN_CLEAR_LOOKS, MIN_LOOKS = 3, 5
 """Looks that decide on a name if they are clear, and otherwise."""
 
 MIN_CLEAR_MARGIN = 0.4
-"""Smallest absolute mean margin of the looks at a face that decides on a name after few looks."""
+"""Smallest absolute mean margin at which a few looks at a face are enough to decide on its name."""
 
 MAX_CONTRARY_LOOKS = 5
 """Number of consecutive looks with another result after which the name of a face is dropped."""
@@ -50,7 +50,7 @@ class FaceMatch:
 def combine_matches(matches: Collection[FaceMatch]) -> FaceMatch:
     """Return the combined result of one or more looks at one face: the name that was nearest most often.
 
-    The margin is the mean; a look with another name counts as negative.
+    The margin is the mean of the margins of all looks. For a look with another name, its margin counts as negative.
     """
     name = Counter(look.name for look in matches).most_common(1)[0][0]
     margins = [look.margin if look.name == name else -abs(look.margin) for look in matches]

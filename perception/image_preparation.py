@@ -50,8 +50,8 @@ def _brightest_level(picture: Image | GreyImage) -> float:
 def brighten(picture: Picture) -> Picture:
     """Return a dark picture brightened to the usual level and smoothed, because its noise grows too; others unchanged.
 
-    Brightening comes before smoothing, so that the mean of some pixels is finer than a grey level: at 8 % of the light,
-    contrast is five levels and noise two.
+    Smoothing averages a few pixels. It is done after brightening, since the averages would otherwise be rounded to grey
+    levels that are too coarse: at 8 % of the light, the whole contrast is five grey levels.
     """
     brightest = _brightest_level(picture)
     if brightest >= DARK_LEVEL:
@@ -83,8 +83,8 @@ def resize(picture: GreyImage, scale: float) -> GreyImage:
 def shrink_to(image: Image | GreyImage, width: int, height: int) -> GreyImage:
     """Return a grey picture of ``width`` by ``height``; each pixel is the mean of the source pixels.
 
-    It is halved while that is exact, which takes a third of the time of one step. Raises ValueError for an invalid
-    picture.
+    While both sides are even and at least twice the wanted size, the picture is halved; this takes a third of the time
+    of one large step. Raises ValueError for an invalid picture.
     """
     picture = to_grey(image)
     while (shape := picture.shape)[1] >= 2 * width and shape[0] >= 2 * height and shape[0] % 2 == shape[1] % 2 == 0:

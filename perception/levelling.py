@@ -1,4 +1,4 @@
-"""Small pictures with the same angle per column."""
+"""Small pictures whose columns all span the same angle, so that a turn of the camera only shifts them sideways."""
 
 from functools import lru_cache
 from typing import cast

@@ -1,4 +1,7 @@
-"""Errors and size limit of model files. Imports no other module of MissionTree, so every command can use it."""
+"""Errors and size limit of model files.
+
+This module imports no other module of MissionTree, so that every command can use it at little cost.
+"""
 
 from pathlib import Path
 

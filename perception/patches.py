@@ -110,8 +110,8 @@ def _whitening() -> npt.NDArray[np.float32]:
 
 @cache
 def _part_pixels() -> npt.NDArray[np.int64]:
-    """Return the pixel positions of the points of each patch along one side of a crop: (CELLS, PARTS_PER_SIDE).
+    """Return the rows of the points of each patch in a crop, in pixels: shape (CELLS, PARTS_PER_SIDE).
 
-    They are the same for rows and columns.
+    A patch is a square grid of points, so the same numbers are their columns.
     """
     return np.arange(CELLS)[:, None] * PATCH_STEP + np.arange(PARTS_PER_SIDE)[None] * PART_SPACING

@@ -92,7 +92,7 @@ def _differing_share(before: GreyImage, after: GreyImage, shift: tuple[float, fl
 
 
 def _exposure_ratio(then: npt.NDArray[np.float32], now: npt.NDArray[np.float32]) -> float:
-    """Return the ratio of brightness of two pictures, as the median over all spots."""
+    """Return the ratio of brightness of two pictures, as the median of the ratios of their pixels."""
     return float(np.median((now + 1.0) / (then + 1.0)))
 
 
@@ -105,7 +105,9 @@ def shrink(image: Image) -> GreyImage:
 
 
 EDGE_SHARE = 0.01
-"""Share of neighbouring cells whose difference may be larger than the reported contrast, because of a few hot pixels.
+"""Share of pairs of neighbouring cells whose difference may exceed the reported contrast.
+
+A few hot pixels of the sensor thus have no effect on the contrast.
 """
 
 

@@ -1,4 +1,4 @@
-"""Senses of the eyes, which detect and track one kind of percept each, and the source of frames."""
+"""Senses, which each detect and track one kind of percept such as faces, and protocols of the sources of frames."""
 
 from collections.abc import Sequence
 from typing import Protocol, TypeVar, runtime_checkable
@@ -62,7 +62,7 @@ class FaceSense:
 class ActiveSenses:
     """Senses that a mission uses; the others are None and cost nothing.
 
-    ``scene`` replaces the plain measurement of brightness and contrast, which needs no sense.
+    If ``scene`` is None, brightness and contrast are still measured, but no motion.
     """
 
     faces: Sense[Face] | None = None

@@ -18,7 +18,7 @@ from perception.geometry import Pinhole, direction_of, wrap_angle
 INITIAL_NOISE = radians(0.4)
 """Initial standard deviation in radians of a measured angle of a target.
 
-It is two or three pixels of 640 over 60 degrees.
+It corresponds to four pixels of a picture 640 pixels wide, at an angle of view of 60 degrees.
 """
 
 MIN_NOISE = radians(0.1)
@@ -28,9 +28,10 @@ PRIOR_COUNT, MAX_COUNT = 3, 20
 """Number of measurements that the initial noise counts for, and largest number of measurements averaged."""
 
 TURN_NOISE_SHARE = 0.4
-"""Standard deviation of an angle as a share of the camera's turn since the last measurement.
+"""Standard deviation of an angle that a turn of the camera adds, as a share of that turn.
 
-Servos deviate from their setpoints, and the time of a picture is known to some ten milliseconds.
+The direction of a turning camera is less certain: its servos deviate from their setpoints, and the time of the picture
+is only known to some ten milliseconds.
 """
 
 MAX_STILL_TURN, TURN_DECAY = radians(0.1), 0.5
@@ -55,7 +56,10 @@ MANOEUVRE_DEVIATIONS = 3.0
 
 
 class AngleFilter:
-    """Kalman filter of an angle: ``angle`` in rad and ``rate`` in rad/s at the last measurement. It does not wrap."""
+    """Kalman filter of an angle: ``angle`` in rad and ``rate`` in rad/s at the last measurement.
+
+    ``angle`` is continuous: it does not wrap at a full turn.
+    """
 
     def __init__(self, angle: float) -> None:
         self._noise, self._count = INITIAL_NOISE**2, PRIOR_COUNT
@@ -72,8 +76,9 @@ class AngleFilter:
         self._recent_angles = [(angle, 0.0)]
 
     def update(self, angle: float, elapsed: float, camera_turn: float = 0.0, doubt: float = 0.0) -> None:
-        """Process an angle measured ``elapsed`` seconds later, modulo full turns, during a ``camera_turn`` (radians).
+        """Process a new measurement of the angle, ``elapsed`` seconds after the last one.
 
+        ``angle`` may differ by full turns. ``camera_turn`` is the turn of the camera in that time, in radians.
         ``doubt`` (radians, one sigma) is the uncertainty of the camera's direction, added to the noise. Raises
         ValueError for a negative time.
         """
@@ -240,7 +245,7 @@ class _Track(Generic[P]):
         return stamp - self.stamp <= (CONFIRM_TIMEOUT if self.id is None else TRACK_TIMEOUT)
 
     def percept(self, number: int) -> P:
-        """Return the percept of the track."""
+        """Return the percept of the track, with the id ``number``."""
         followed = Percept(
             id=number,
             stamp=self.stamp,
@@ -259,9 +264,9 @@ class _Track(Generic[P]):
 class Tracker(Generic[P]):
     """Tracks objects of one sort: data association by nearest neighbour within a gate, with filtered angles.
 
-    Ids count from 1 and are never reused. A track starts with a detection and is returned from the second one on, even
-    if there is no other track. That costs one frame, but avoids reactions to most false detections. A track ends
-    ``TRACK_TIMEOUT`` seconds after the last sighting. For one thread at a time.
+    Ids count from 1 and are never reused. A track starts with a detection, and is returned from its second detection
+    on. This costs one frame, but avoids reactions to most false detections. A track ends ``TRACK_TIMEOUT`` seconds
+    after the last sighting. For one thread at a time.
     """
 
     def __init__(self) -> None:
@@ -274,7 +279,7 @@ class Tracker(Generic[P]):
         """Process the sightings of one frame and return all confirmed tracks, largest first.
 
         ``gaze`` is the direction of the camera at ``stamp``, the time of the frame; None counts as straight ahead. A
-        frame no newer than the last one refreshes the tracks without moving them.
+        frame that is not newer than the last one prolongs the tracks, but does not change their directions.
         """
         if not (sightings or self._tracks):
             return ()

@@ -40,10 +40,16 @@ Smaller pictures get a border.
 MIN_SIDE = 2 * SIZE_STEP  # pixels of a side at least
 
 MAX_NETWORKS = 4
-"""Number of cached networks of different input sizes: changing the size takes as long as searching 90 x 90 pixels."""
+"""Number of networks of different input sizes that are cached.
+
+Changing the input size of a network takes as long as searching a picture of 90 x 90 pixels.
+"""
 
 HAAR_SIDE_RATIO = 0.97
-"""Ratio of the side of a face's Haar box to the height of its YuNet box: median of 53 faces, within 0.04."""
+"""Ratio of the side of a face's Haar box to the height of its YuNet box.
+
+It is the median of 53 faces; their ratios differ from it by up to 0.04.
+"""
 
 FETCH_HINT = "mission robot models fetch yunet"
 

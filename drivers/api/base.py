@@ -46,7 +46,10 @@ BASE_RADIUS = 0.177
 
 
 class Posture(StrEnum):
-    """Posture of a base with legs; UNKNOWN unless the base reached it by itself."""
+    """Posture of a base with legs.
+
+    It is UNKNOWN until the base has reached a posture by its own motion, for example after a start or a fall.
+    """
 
     UNKNOWN = ""
     STANDING = "standing"

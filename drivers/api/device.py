@@ -13,7 +13,7 @@ T = TypeVar("T")
 
 
 class Quality(StrEnum):
-    """Validity of a reading."""
+    """Validity of a reading: good (recent), stale (older than the device's own limit), or none (never measured)."""
 
     GOOD = "good"
     STALE = "stale"  # measured, but longer ago than the device's own limit
@@ -60,7 +60,7 @@ class ReconnectPolicy:
 
     After more than ``decide_after`` seconds offline, the part stays at rest until a new command. After more than
     ``latch_after`` seconds it stays at rest until a person enables it: a bystander may believe by then that it is dead.
-    A restart of the device counts as ``decide_after`` at least.
+    After a restart of the device a new command is required, too, however short the absence was.
     """
 
     decide_after: float = key(

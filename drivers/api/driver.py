@@ -23,8 +23,10 @@ class DriverContext:
 
     ``part`` is the name of the part in the robot file and in reports. ``port`` is the port of the robot file or of the
     command line; empty for a part without one. ``print_line`` prints a line for the user. ``needed_parts`` are the
-    devices that the driver ``needs``, by kind. ``state_folder`` stores files between runs. It is None for a virtual
-    device, which stores nothing, has booted already, and may reply late, since it shares this interpreter.
+    devices that the driver ``needs``, by kind. ``state_folder`` is the folder in which the device may store files
+    between runs; None for a virtual device.
+
+    A virtual device has booted before its port is opened. It may reply late, since it runs in this Python process.
     """
 
     clock: Clock
@@ -50,9 +52,10 @@ class Driver:
     ``about`` describes the hardware. ``keys`` is the class of the section, which extends that of the kind. ``make`` is
     the dotted name of the factory of the device, called with the keys and a ``DriverContext``. ``twin`` and ``virtual``
     are the dotted names of the factories of the simulated and of the virtual device, called with the keys and a
-    ``drivers.sim.context.SimContext``. They are empty for cameras, microphones, voices and screens, which share one
-    stand-in per kind. ``needs`` are the kinds of the parts that the device uses, ``extra`` is the optional dependency.
-    ``check`` yields errors that involve other sections, given by kind.
+    ``drivers.sim.context.SimContext``. They are empty for cameras, microphones, voices and screens: all drivers of such
+    a kind have the same simulated device. ``needs`` are the kinds of the parts that the device uses, ``extra`` is the
+    optional dependency. ``check`` yields errors that involve other sections of the robot file; it is called with the
+    keys and with the other sections, by kind.
 
     ``probe`` is the dotted name of a ``drivers.api.probe.Probe``, which recognises the device on a serial port. ``usb``
     lists its possible adapters, as ``0403:6014``, or with a serial number that no other device has,
@@ -139,8 +142,8 @@ def failure(about: str, message: str, fix: str) -> Finding:
 
 
 Checkup = Callable[[Any, DriverContext], Iterable[Finding]]
-"""Checks a device at rest: called with the keys of its section and a ``DriverContext``, whose port is there and free.
+"""Checks a device at rest: called with the keys of its section and a ``DriverContext``.
 
-It opens the device, only reads, and closes it in any case: nothing moves, nothing is written. A ``DriverError`` becomes
-a finding "wrong", with its hint.
+The port of the context exists, and no other program uses it. The check opens the device, only reads, and closes it in
+any case: nothing moves, nothing is written. A ``DriverError`` becomes a finding "wrong", with its hint.
 """

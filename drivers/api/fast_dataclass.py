@@ -1,8 +1,9 @@
 """Fast ``dataclass``: as in the standard library, but made in a fraction of the time.
 
-A start makes some hundreds of classes, and Python 3.11 and 3.12 compile each method of each of them. Here only
-``__init__`` is compiled, and the other methods share their code. Fields, ``replace``, ``asdict``, ``match``, copies and
-messages are as in the standard library, and classes of both kinds may inherit from each other.
+When a command starts, some hundreds of dataclasses are made, and Python 3.11 and 3.12 compile each method of each of
+them. Here only ``__init__`` is compiled, and the other methods share their code. Fields, ``replace``, ``asdict``,
+``match``, copies and messages are as in the standard library. A dataclass of this module may inherit from one of the
+standard library, and the other way round.
 """
 
 import dataclasses
@@ -122,7 +123,11 @@ def _make_init(cls: type, frozen: bool) -> Callable[..., None]:
 
 
 def _value_source(field: dataclasses.Field[Any]) -> str:
-    """Return whether the value of a field is an argument, a default, or made by its factory."""
+    """Return a code for the origin of a field's value.
+
+    "taken" is an argument, "_given" a default that cannot be passed. "taken_new" and "_new" are the same for a field
+    with a default factory. The code is empty for a field without a value.
+    """
     made_anew = "_new" if field.default_factory is not dataclasses.MISSING else ""
     if field.init:
         return f"taken{made_anew}"
@@ -131,10 +136,10 @@ def _value_source(field: dataclasses.Field[Any]) -> str:
 
 @cache
 def _compile_init(shape: tuple[tuple[str, bool], ...], frozen: bool, post_init: bool) -> CodeType:
-    """Return the code of an ``__init__`` for fields of this ``shape``, with names ``f0``, ``f1``... to be replaced.
+    """Return the code of an ``__init__`` whose fields are called ``f0``, ``f1``..., to be renamed for each class.
 
-    ``shape`` has the source of the value, and whether it is keyword-only, of each field. Compiling takes ten times as
-    long as replacing names, and many classes have the same shape.
+    ``shape`` has a pair for each field: the origin of its value (see ``_value_source``), and whether it is
+    keyword-only. Compiling takes ten times as long as renaming, and many classes have the same shape.
     """
     positional: list[str] = []
     keyword_only: list[str] = []

@@ -24,7 +24,10 @@ class ImageOrientation:
         return self.quarter_turns % 2 == 1
 
     def vector(self, x: float, y: float) -> Pair:
-        """Return the vector of the rotated picture that corresponds to (right, down) of the original picture."""
+        """Return a vector of the original picture as a vector of the rotated picture.
+
+        Vectors are components to the right and down: ``x`` to the right and ``y`` down in the original picture.
+        """
         for _ in range(self.quarter_turns):
             x, y = -y, x
         return (-x if self.flip_horizontal else x), (-y if self.flip_vertical else y)
@@ -38,7 +41,10 @@ class ImageOrientation:
         return right + 0.5, below + 0.5
 
     def size(self, width: int, height: int) -> tuple[int, int]:
-        """Return the size of the rotated picture, from that of the original picture, or the other way round."""
+        """Return the size of the rotated picture, from the size of the original picture.
+
+        The opposite conversion is the same, since a quarter turn swaps width and height.
+        """
         return (height, width) if self.swaps_sides else (width, height)
 
     def field_of_view(self, angle: float, width: int, height: int) -> float:

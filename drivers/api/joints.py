@@ -103,19 +103,20 @@ class Joints(Device, Protocol):
 
     @command("after", moves=bool, converters={"couplings": tuple})  # () moves nothing
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Couple joints from now on, in the driver's own loop; () ends that, and the followers stop.
+        """Let followers copy the positions of their leaders from now on, until the next call of ``follow``.
 
-        A later ``follow`` replaces this one; a move, hold or relax of a follower ends its coupling. Leaders are not
-        commanded: switch their torque off first. Raises BadRequest for an unknown joint, or one that follows two
-        joints, or leads and follows; NotConnected.
+        An empty sequence ends all couplings, and the followers stop. A move, hold or relax of a follower ends its
+        coupling. Leaders are not commanded: switch their torque off first. Raises BadRequest for an unknown joint, for
+        one that follows two joints, and for one that both leads and follows; NotConnected.
         """
         ...
 
     @command("after", moves=True, default_reply=lambda _: ())
     def recover(self) -> tuple[str, ...]:
-        """Switch the torque on again of servos that have shut down, at their positions; return the names of the joints.
+        """Switch the torque of servos that have shut down on again; return the names of their joints.
 
-        To be requested by a person who has removed the cause. Raises NotConnected.
+        The joints stay at their current positions. To be requested by a person who has removed the cause of the
+        shutdown. Raises NotConnected.
         """
         ...
 

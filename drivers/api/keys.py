@@ -7,10 +7,10 @@
 
 The type of a field determines its value: a text, a number, true or false, or one of some words (``Literal``, or
 ``among``). With a ``dimension`` it is a quantity with its unit, or ``[low, high]`` or ``[x, y, z]`` of quantities.
-Another class of keys is a section, ``tuple[X, ...]`` a list, ``Mapping[str, X]`` values under names of the file's own,
-and ``X | Y`` one of both. Items of a list or a mapping have the dimension, bounds and words of the key, unless they are
-``Annotated`` with ``inside``. The file reader, the JSON Schemas and the reference in the docs are made from these
-declarations. This module reads no file.
+Another class of keys is a section, and ``tuple[X, ...]`` is a list. ``Mapping[str, X]`` is for values under names that
+the author of the file chooses, such as names of joints; ``X | Y`` is for a value of one of two types. Items of a list
+or a mapping have the dimension, bounds and words of the key, unless they are ``Annotated`` with ``inside``. The file
+reader, the JSON Schemas and the reference in the docs are made from these declarations. This module reads no file.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -53,9 +53,9 @@ Form = Literal[
 ]
 """Form of the value of a key in a file.
 
-``span`` is [low, high], ``vector`` several quantities. ``list`` and ``named`` hold values of the form of ``inner``;
-``either`` is one of ``options``, ``any`` is checked by the reader of the section. ``rest`` is not a key of the file: it
-collects all remaining keys of the section.
+``span`` is [low, high], ``vector`` several quantities. ``list`` and ``named`` hold values of the form of ``inner``, in
+a list or under names; ``either`` is one of ``options``. ``any`` is a value of any form, which the code that reads the
+section checks. ``rest`` is not a key of the file: it collects all remaining keys of the section.
 """
 
 PERCENT = "percent"
@@ -67,9 +67,10 @@ class Key:
     """Key of a section of a file: ``field`` is the field of the dataclass, ``word`` the name in the file.
 
     ``low`` and ``high`` are in SI units (percent for percent). ``of`` is the class of a section, ``sizes`` are the
-    possible lengths of a vector. Without ``required``, ``default`` is the value of a missing key. ``each`` is the noun
-    in messages for a section in a list or under a name. ``wrong`` is the message for a value of another form, ``hint``
-    an example with {} for the word. With ``blank``, a text may be empty.
+    possible lengths of a vector. Without ``required``, ``default`` is the value of a missing key. If the value is a
+    list of sections, or sections by name, ``each`` is the noun for one of them in messages, such as "a wall". ``wrong``
+    is the message for a value of another form, ``hint`` an example with {} for the word. With ``blank``, a text may be
+    empty.
     """
 
     field: str
@@ -172,11 +173,13 @@ def key(
 ) -> Any:
     """Declare a key. Without a ``default`` it is required; a default of None is for an optional key.
 
-    ``low`` and ``high`` are bounds in SI units, ``among`` the permitted words, ``word`` the name in the file if it
-    differs from the field, and ``each`` the noun in messages for a section in a list or under a name. ``wrong`` is the
-    message for a value of another form, and ``hint`` an example. With ``blank``, a text may be empty. With ``rest`` the
-    key collects all remaining keys of the section: names of the file's own, each with a quantity of the dimension, or,
-    without a dimension, with values that the reader of the section checks.
+    ``low`` and ``high`` are bounds in SI units, ``among`` the permitted words, and ``word`` the name in the file if it
+    differs from the field. If the value is a list of sections, or sections by name, ``each`` is the noun for one of
+    them in messages, such as "a wall". ``wrong`` is the message for a value of another form, and ``hint`` an example.
+    With ``blank``, a text may be empty.
+
+    With ``rest`` the key collects all remaining keys of the section, whose names the author of the file chooses. Each
+    has a quantity of the dimension; without a dimension, the code that reads the section checks the values.
     """
     data = {"key": inside(dimension, **constraints), "word": word, "help": help, "rest": rest}
     if isinstance(default, Mapping):
@@ -267,7 +270,7 @@ def _make_key(name: str, word: str, hint: Any, constraints: ValueConstraints) ->
 def _make_either_key(key: Key, parts: list[Any], constraints: ValueConstraints) -> Key:
     """Return a copy of ``key`` for a field whose type is a union of ``parts``.
 
-    The union is a quantity or some words, or values of different forms.
+    The value is either a quantity or one of some words, such as ``2 s`` or ``never``; or it has one of several forms.
     """
     words = next((get_args(each) for each in parts if get_origin(each) is Literal), ())
     if words and float in parts:

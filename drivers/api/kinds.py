@@ -159,8 +159,8 @@ KINDS: Mapping[str, PartKind] = {
 }
 """Kinds of robot parts by name, in the order in which the parts open and close.
 
-The head comes before the arm whose joints it may use, and last the ROS 2 nodes, which send the last messages of other
-parts.
+The head comes before the arm whose joints it may use. The ROS 2 nodes come last, because other parts send their last
+messages through them when they close.
 """
 
 

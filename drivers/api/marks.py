@@ -1,8 +1,8 @@
 """Marks on the members of a part's protocol, from which its proxy, replay and test double are generated.
 
-A member without a mark is a query. Results of queries are recorded when a leaf calls them. A query without arguments
-that no leaf calls in a tick is called for the record in that tick, too, unless its return type is ``Annotated[...,
-UNSAMPLED]``.
+A member without a mark is a query. When a leaf calls a query, the result is recorded. Queries without arguments are
+recorded in each tick, even if no leaf calls them. A query whose return type is ``Annotated[..., UNSAMPLED]`` is the
+exception: it is recorded only when a leaf calls it.
 """
 
 from collections.abc import Callable, Mapping
@@ -84,10 +84,11 @@ def _set_mark(mark: object) -> Callable[[F], F]:
 
 @dataclass(frozen=True, slots=True)
 class ProtocolMember:
-    """Member of a part's protocol. ``kind`` determines the proxy; a ``reading`` is a query without arguments.
+    """Member of a part's protocol. ``kind`` selects the code that the proxy has for it.
 
-    ``command`` is set for commands only, ``parameters`` for methods, ``protocol`` for capabilities. ``is_sampled`` is
-    True for members that are sampled in each tick, ``is_fixed`` for those that are sampled once.
+    A ``reading`` is a query without arguments, a ``question`` one with arguments. ``command`` is set for commands only,
+    ``parameters`` for methods, ``protocol`` for capabilities. ``is_sampled`` is True for members that are recorded in
+    each tick, ``is_fixed`` for those that are recorded once.
     """
 
     name: str

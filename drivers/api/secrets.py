@@ -4,12 +4,18 @@ import re
 from collections.abc import Callable
 
 _ADDRESS = re.compile(r"([A-Za-z][\w+.-]+:/+)([^\s'\"]+)")
-"""Pattern of an address such as ``rtsp://...``, also with a single slash, as in paths made from addresses."""
+"""Pattern of an address such as ``rtsp://...``.
+
+A single slash is accepted as well: an address that was treated as a path has lost its second one.
+"""
 
 _CREDENTIAL_WORDS = "pas|pw|auth|token|key|secret|sig|usr|user|login|session|sid"
 
 _SECRET_PARAMETER = re.compile(rf"([^/?&;#=]*(?:{_CREDENTIAL_WORDS})[^/?&;#=]*=)([^&;#\s'\"]*)", re.IGNORECASE)
-"""Pattern of an address's parameter that holds a secret: cameras have them after ``?``, and in the path."""
+"""Pattern of a parameter in an address whose name tells that its value is secret, such as ``password=...``.
+
+Addresses of network cameras have such parameters after ``?``, but also in the path.
+"""
 
 MASK = "***"
 

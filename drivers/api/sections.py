@@ -23,7 +23,7 @@ DEFAULT_RANGE_FINDER_HEIGHT = 0.2
 """Default height of a range finder above the floor in metres: the middle plate of a TurtleBot 2."""
 
 MAX_TRIM = radians(45)
-"""Maximum trim of an axis of a head in radians, as in the Rodney project's node."""
+"""Maximum trim of an axis of a head in radians, as in the pan/tilt node of the Rodney project."""
 
 
 @keys
@@ -173,7 +173,7 @@ class ArmKeys:
 
 @keys
 class Ros2Keys:
-    """Keys of every connection to ROS 2 nodes: domain, namespace, and the places of their map."""
+    """Keys of every connection to ROS 2 nodes: domain, namespace, and named places on the map for navigation."""
 
     domain: int | None = key(
         default=None, low=0, high=232, help="Domain; the default is ROS_DOMAIN_ID in the environment, or 0."

@@ -111,7 +111,7 @@ def wrap_angles(angles: Angles) -> Angles:
 
 
 class Ranger(Device, Protocol):
-    """Range finder that rotates; its part of the robot is ``range``."""
+    """Range finder that rotates, such as a lidar: the part ``range`` of a robot."""
 
     @property
     @fixed
@@ -158,7 +158,7 @@ class Attitude:
 
 
 class Imu(Device, Protocol):
-    """An IMU; its part of the robot is ``imu``."""
+    """Inertial measurement unit: the part ``imu`` of a robot."""
 
     def attitude(self) -> Reading[Attitude]:
         """Return the latest attitude; stale after 0.1 s without another."""
@@ -170,5 +170,9 @@ class WitnessedBase(Protocol):
     """Base whose progress monitor can compare its motion with other sensors; bases on ``drivers.base`` can."""
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
-        """Compare the base's motion with the motion that ``ranger`` and ``imu`` measure. Call it before ``open``."""
+        """Compare the base's motion with the motion that ``ranger`` and ``imu`` measure, to detect motion faults.
+
+        A motion fault is, for example, a base that is stuck. A sensor that is None is not used. Call it before
+        ``open``.
+        """
         ...

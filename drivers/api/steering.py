@@ -60,8 +60,8 @@ SteeringCallback = Callable[[Steering], None]
 class Reflexes:
     """Reflexes of a base, independent of the source of commands.
 
-    Cliff, wheel drop and bumper always stop the base; the rest is configurable. ``stop`` forbids motion that would make
-    matters worse while the contact lasts; ``latch`` stops until a person enables the base; ``back_off`` drives back by
+    Cliff, wheel drop and bumper always stop the base; the rest is configurable. While a contact lasts, ``stop`` forbids
+    motion towards it; ``latch`` stops until a person enables the base; ``back_off`` drives back by
     ``back_off_distance`` metres at ``back_off_speed`` (m/s). At a cliff the base may only drive straight back until it
     is ``back_off_distance`` away. The battery is low or critical below these percentages, 0 for never. The buttons
     (0..2) latch and enable the base; None for no button.

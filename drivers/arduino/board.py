@@ -73,7 +73,10 @@ class BoardDevice(Protocol):
         ...
 
     def pause_until(self, now: float) -> bool:
-        """Stand still until time ``now``, because nothing may be sent; return whether setpoints wait to be sent."""
+        """Let the motion stand still until time ``now``, because the board may not be sent setpoints at present.
+
+        Returns whether setpoints wait to be sent.
+        """
         ...
 
     def next_angles(self, now: float) -> list[wire.ServoAngle]:
@@ -229,7 +232,7 @@ class ArduinoBoard:
     def on_poll(self) -> float | None:
         """Run the session and send due setpoints; return the seconds for which the next poll can wait.
 
-        Returns None or 0 if it must not wait longer than usual.
+        Returns None or 0 if the next poll must come after the link's usual interval.
         """
         session = self._session
         if session is None:
@@ -301,7 +304,8 @@ class ArduinoBoard:
     def _send(self, session: RosserialSession, topic: int, devices: tuple[BoardDevice, ...]) -> bool:
         """Send the due setpoints if a reset of the board is excluded; else probe the board if setpoints wait.
 
-        Returns True only if a reset is not excluded and no setpoint is waiting.
+        Returns True if the link may be polled less often: no setpoint is waiting, so it need not be known whether the
+        board was reset.
         """
         now = self._clock.now()
         if self._knowledge is ServoKnowledge.NONE:

@@ -148,7 +148,7 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
     def next_angles(self, now: float) -> list[ServoAngle]:
         """Advance to time ``now``; return the setpoints of the servos whose whole degree has changed.
 
-        The first goal after servo angles that were assumed, not known, returns both setpoints.
+        If the servo angles were only assumed, the first goal after that returns the setpoints of both servos.
         """
         self._is_settled = self._motion.is_still  # the last degree is sent now, and no other without a new goal
         pan, tilt = way = self._motion.advance(now)
@@ -175,7 +175,10 @@ class ArduinoHead(ProfiledHead[ServoAxis]):
             self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
-        """Return the current time; if nothing may be sent to the board now, pause the motion profile until then."""
+        """Return the current time.
+
+        If nothing may be sent to the board now, the motion profile skips the time until now, and does not catch up.
+        """
         now = self._clock.now()
         if not self.board.can_send:
             self._motion.pause_until(now, 0.0)

@@ -57,7 +57,7 @@ class BootState(Enum):
 
 
 class DetectorState(Enum):
-    """State of a ``ResetDetector``."""
+    """State of a ``ResetDetector``: which messages of the board prove that it was not reset."""
 
     TRACKING = auto()  # messages of the board count as proof
     SUSPECT = auto()  # only the answer to a probe counts as proof
@@ -123,7 +123,10 @@ class ResetDetector:
 
     @property
     def _is_answer_late(self) -> bool:
-        """True if the next answer must be the late answer to the only probe that has timed out."""
+        """True if the next answer must belong to an earlier probe.
+
+        This is so after exactly one probe that has timed out, until another is sent.
+        """
         return self.state is DetectorState.SILENT and self.unanswered_probes == 1
 
     def is_fresh(self, now: float) -> bool:

@@ -102,16 +102,16 @@ TRANSITIONS: Final = {
 
 
 class VirtualRodney:
-    """Virtual board with the sketch for a Nano or (``tacho``) a Teensy: a ``drivers.virtual.terminal.WireDevice``.
+    """Virtual board with a Rodney sketch: a ``drivers.virtual.terminal.WireDevice``.
 
-    The board neither receives nor sends for ``boot_delay`` seconds after its first poll, and after each ``reset``. From
-    then on it obeys setpoints, with or without a session. ``start_angles`` are those of the sketch, such as
-    ``FIRST_SKETCH_ANGLES``. With ``logs_angles`` it logs each setpoint, as the sketches for a Nano do. A Nano is reset
-    when DTR rises as its port is opened, unless DTR stayed on after the last close; a board with ``native_usb`` is not.
-    Without power and during the boot the servos stay. ``servo_topic`` may be replaced to simulate other message
-    definitions. ``commands`` lists the received (index, angle) pairs. ``max_step`` is the widest step in degrees from a
-    servo's previous setpoint, ``max_start_step`` the widest step of the sketch itself at boot. ``wheels`` are the turn
-    rates that the encoders report.
+    With ``tacho`` the sketch reports encoders, as that for a Teensy does. The board neither receives nor sends for
+    ``boot_delay`` seconds after its first poll, and after each ``reset``. From then on it obeys setpoints, with or
+    without a session. ``start_angles`` are those of the sketch, such as ``FIRST_SKETCH_ANGLES``. With ``logs_angles``
+    it logs each setpoint, as the sketches for a Nano do. A Nano is reset when DTR rises as its port is opened, unless
+    DTR stayed on after the last close; a board with ``native_usb`` is not. Without power and during the boot the servos
+    stay. ``servo_topic`` may be replaced to simulate other message definitions. ``commands`` lists the received (index,
+    angle) pairs. ``max_step`` is the widest step in degrees from a servo's previous setpoint, ``max_start_step`` the
+    widest step of the sketch itself at boot. ``wheels`` are the turn rates that the encoders report.
     """
 
     def __init__(
@@ -155,7 +155,7 @@ class VirtualRodney:
             return self._shafts[index].advance(now)
 
     def log(self, line: wire.RosserialLog) -> None:
-        """Queue a log line; it is sent as soon as the board is configured."""
+        """Queue a log line; it is sent as soon as the board has a session with the computer."""
         with self._lock:
             self._logs.append(line)
 

@@ -29,7 +29,8 @@ class ServoAngleStore:
     def save(self, degrees: Mapping[int, int]) -> None:
         """Store the last setpoints of the servos, by number; delete the file if that fails.
 
-        One write of a fixed size replaces the last record, so that a killed program leaves either of them whole.
+        One write of a fixed size replaces the last record. If the program is killed, the file has either the last
+        record or the new one, as a whole.
         """
         try:
             text = json.dumps({"of": self._port_identity(), "degrees": dict(degrees)}).ljust(RECORD_SIZE).encode()

@@ -34,8 +34,8 @@ FIRST_SKETCH_STARTS = (90, 120, ATTACHED_DEGREES, ATTACHED_DEGREES)
 BRAKED_OFFSET = math.radians(0.25)
 """Radians by which a stopped head is assumed to be short of the whole degree that was sent last.
 
-With this assumption a move back and forth takes at most a degree, and repeated starts and stops do not move the head
-any further.
+Without this assumption, each start after a stop could send the servo another degree ahead, and repeated starts and
+stops would move the head.
 """
 
 
@@ -83,7 +83,10 @@ class ServoAxis:
         return False
 
     def with_trim(self, trim: float) -> Self:
-        """Return the same axis with another trim (radians). Raises ValueError for an impossible trim."""
+        """Return the same axis with another trim (radians).
+
+        Raises ValueError for more than 45 degrees, or a trim that leaves an empty range.
+        """
         return replace(self, trim=trim)
 
     @property

@@ -54,7 +54,7 @@ class GuardianState(Enum):
 
 
 class GuardianEvent(Enum):
-    """Event on the port of a guardian."""
+    """Event on the port of a guardian: it was opened, a report has come, or none has come for ``OFFLINE_TIMEOUT``."""
 
     CONNECT, REPORT, TIMEOUT = range(3)
 
@@ -303,7 +303,10 @@ class GuardianHead(ProfiledHead[ServoAxis], LatchingPart):
             self._motion.drop_goal(pan=sent.pan, tilt=sent.tilt, now=self._clock.now())
 
     def _sync_time(self) -> float:
-        """Return the current time; if the last report is too old for setpoints, pause the motion profile until then."""
+        """Return the current time.
+
+        If the last report is too old for setpoints, the motion profile skips the time until now, and does not catch up.
+        """
         now = self._clock.now()
         if not self._is_fresh(now):
             self._motion.pause_until(now, 0.0)

@@ -71,7 +71,10 @@ class JointAxis:
         return max(self.lower, self.joint_min - self.trim), min(self.upper, self.joint_max - self.trim)
 
     def with_trim(self, trim: float) -> Self:
-        """Return the same axis with another trim (radians). Raises ValueError for an impossible trim."""
+        """Return the same axis with another trim (radians).
+
+        Raises ValueError for more than 45 degrees, or a trim that leaves an empty range.
+        """
         return replace(self, trim=trim)
 
 

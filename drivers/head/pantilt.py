@@ -100,7 +100,8 @@ class MotionProfile:
     def _phases(self) -> tuple[tuple[float, float], tuple[float, float], tuple[float, float]]:
         """Return the three phases until rest at the goal, each as seconds and acceleration (rad/s^2).
 
-        If braking at once would overshoot the goal, the motion turns back. ``peak`` is the highest speed on the way.
+        The axis changes its speed, keeps it, and brakes. If braking at once would overshoot the goal, the motion turns
+        back.
         """
         ahead = copysign(1.0, self.goal - self._stopping_position())
         way, begin = ahead * (self.goal - self.position), ahead * self.velocity
@@ -162,7 +163,10 @@ class HeadAxis(Protocol):
         ...
 
     def with_trim(self, trim: float) -> Self:
-        """Return the same axis with another trim (radians). Raises ValueError for an impossible trim."""
+        """Return the same axis with another trim (radians).
+
+        Raises ValueError for more than 45 degrees, or a trim that leaves an empty range.
+        """
         ...
 
 

@@ -72,7 +72,10 @@ def _check_servo(bus: ServoBus, joint: Joint) -> Iterator[Finding]:
 
 
 def _for_robot(cure: str) -> str:
-    """Return the hint ``cure`` with ``--robot ROBOT``, as the check-up writes it, in place of ``--robot FILE``."""
+    """Return the hint ``cure`` with ``--robot ROBOT`` in place of ``--robot FILE``.
+
+    ``ROBOT`` is the placeholder that a ``Finding`` has for the robot.
+    """
     return cure.replace("--robot FILE", "--robot ROBOT")
 
 

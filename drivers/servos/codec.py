@@ -35,10 +35,11 @@ class ServoReply(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Codec:
-    """Codec of a servo protocol. ``frame`` encodes servo, instruction, parameters; ``parser`` creates a packet parser.
+    """Codec of a servo protocol: encodes requests and decodes replies.
 
-    ``overhead`` is the size of a reply without its data, ``address_size`` that of an address, ``max_parameters`` the
-    largest size of parameters that every servo can buffer, all in bytes.
+    ``frame`` returns the packet for a servo ID, an instruction and the bytes of its parameters; ``parser`` creates a
+    packet parser. ``overhead`` is the size of a reply without its data, ``address_size`` that of an address,
+    ``max_parameters`` the largest size of parameters that every servo can buffer, all in bytes.
     """
 
     protocol: Protocol

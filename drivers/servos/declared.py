@@ -67,7 +67,7 @@ class Ticks:
 
 @keys
 class JointKeys:
-    """A Dynamixel servo as a joint."""
+    """Keys of a joint that a Dynamixel servo turns: the servo, its mounting, and the limits of the joint."""
 
     id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
     written_model: str = key(
@@ -218,7 +218,10 @@ class DynamixelKeys(ArmKeys, SerialKeys):
         return self.joints[joint].servo_model.tick
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield diagnostics for IDs of two joints and for second servos of a joint, and the diagnostics of ArmKeys."""
+        """Yield errors for two joints with the same ID, and for a second servo of a joint that is listed as a joint.
+
+        The errors of ArmKeys follow.
+        """
         owners: dict[int, str] = {}
         for name, joint in self.joints.items():
             owner = owners.setdefault(joint.id, name)

@@ -1,8 +1,8 @@
 """Driver of an arm of servos on one bus: ``drivers.api.Joints``.
 
 The driver's thread finds the servos (``monitor``), reads them at the rate that each needs (``poll_rate``), finds lost
-ones again, and updates followers. Commands are sent at once from the caller's thread. The EEPROM of a servo is never
-written.
+ones again, and sends followers to the positions of their leaders. Commands are sent at once from the caller's thread.
+The EEPROM of a servo is never written.
 """
 
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -67,7 +67,10 @@ def arm_health(name: str, bus: ServoBus, joints: Mapping[str, Joint], watch: Joi
 def arm_counters(
     bus: ServoBus, joints: Mapping[str, Joint], pace: RoundSchedule, *, connections: int
 ) -> dict[str, int]:
-    """Return counters of the bus, of the read rounds (``pace``), of ``connections`` and of each servo, by name."""
+    """Return counters of the bus, of the schedule ``pace``, of ``connections`` and of each servo, by name.
+
+    The schedule counts the rounds, in each of which all joints that are due are read once.
+    """
     counters = {"connections": connections, "rounds": pace.rounds, **bus.exchanges.counters("exchange")}
     counters |= {"achieved rate (Hz)": round(pace.achieved_rate), "utilisation (%)": round(100 * pace.utilisation)}
     tallies = {name: bus.statistics(joint.spec.id) for name, joint in joints.items()}
@@ -86,7 +89,7 @@ def current_readings(joints: Mapping[str, Joint], *, since: float) -> Mapping[st
 
 
 DEFAULT_POLL_RATE = 100.0
-"""Maximum number of read rounds per second, if the bus is fast enough."""
+"""Maximum rate in Hz at which the servos of an arm are read, if the bus is fast enough."""
 
 RETRY_INTERVAL = 0.5
 """Seconds between attempts to open the port."""
@@ -214,11 +217,11 @@ class DynamixelJoints(ServoJoints):
         return accepted
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Couple followers to leaders in every round, until the next call; () ends all couplings.
+        """Let followers copy the positions of their leaders, each time that a leader is read, until the next call.
 
-        Joints that no longer follow hold their position. A distant follower approaches slowly first. After a lost
-        connection all joints hold, and the followers approach again. Raises BadRequest for invalid couplings, and
-        NotConnected, but not to end them.
+        An empty sequence ends all couplings. Joints that no longer follow hold their position. A distant follower
+        approaches slowly first. After a lost connection all joints hold, and the followers approach again. Raises
+        BadRequest for invalid couplings, and NotConnected, but not to end them.
         """
         asked = self._clock.now()
         check_couplings(self.name, couplings, self._joints)
@@ -230,19 +233,19 @@ class DynamixelJoints(ServoJoints):
         self._loop.wake()
 
     def poll_fast(self, joints: Collection[str], on_round: Callable[[], object] = ignore) -> None:
-        """Read ``joints`` as often as leaders, and call ``on_round`` after each round.
+        """Read ``joints`` as often as leaders, and call ``on_round`` after each round of readings.
 
-        Raises BadRequest for an unknown joint.
+        In a round, each joint that is due is read once. Raises BadRequest for an unknown joint.
         """
         check_names(self.name, set(joints), self._joints)
         self._fast_joints, self._on_round = frozenset(joints), guard_callback(on_round)
         self._loop.wake()
 
     def recover(self) -> tuple[str, ...]:
-        """Switch the torque of servos that have shut down on again, in place; return the names of the joints.
+        """Switch the torque of servos that have shut down on again; return the names of their joints.
 
-        Those of protocol 2.0 reboot, and have torque about half a second later. For a person who has removed the cause;
-        it also enables the arm. Raises NotConnected.
+        The joints stay at their current positions. Servos of protocol 2.0 reboot, and have torque about half a second
+        later. For a person who has removed the cause of the shutdown; it also enables the arm. Raises NotConnected.
         """
         with self._lock:
             self._reconnect.enable()
@@ -318,7 +321,10 @@ class DynamixelJoints(ServoJoints):
         return pause
 
     def _next_due(self) -> float:
-        """Return when the next joint must be read, or the next unconfirmed hold or relax must be repeated."""
+        """Return the time at which the driver's thread must act next.
+
+        That is when the next joint must be read, or the next unconfirmed hold or relax must be repeated.
+        """
         joints, now = self._joints.values(), self._clock.now()
         return min(
             self._poll_schedule.next_due(joints, self._couplings.coupled_joints | self._fast_joints, now),
@@ -369,8 +375,9 @@ class DynamixelJoints(ServoJoints):
     def _send_setpoints(self) -> None:
         """Send the next setpoints of moving joints, unless some were sent within ``SETPOINT_INTERVAL``.
 
-        It is called several times in a round of readings, because a round on a slow bus takes longer than the lookahead
-        allows. A thread that holds or relaxes joints meanwhile gets the bus first: a lock alone does not ensure that.
+        It is called several times while the joints are read, because on a slow bus a joint would otherwise reach its
+        setpoint before the next one is sent. A thread that holds or relaxes joints meanwhile gets the bus first: a lock
+        alone does not ensure that.
         """
         self._no_command_pending.wait(COMMAND_PRIORITY_TIMEOUT)
         now = self._clock.now()

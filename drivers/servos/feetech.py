@@ -17,7 +17,7 @@ STS_MODELS = tuple(name for name, model in MODELS.items() if model.protocol == "
 
 @keys
 class FeetechJointKeys(JointKeys):
-    """A Feetech servo as a joint."""
+    """Keys of a joint that a Feetech servo turns: the servo, its mounting, and the limits of the joint."""
 
     written_model: str = key(
         default="STS3215", among=STS_MODELS, word="model", hint=UNSUPPORTED_HINT, help="The model of the servo."

@@ -28,7 +28,7 @@ If one of two servos, at random, answers each read, the same servo answers all o
 """
 
 LISTENED_READS = 3
-"""Number of reads at the start of a series that are followed by a wait for the reply of a second servo."""
+"""Number of reads at the start of a proof after which the bus waits for the reply of a second servo."""
 
 MIN_DUPLICATE_REPLIES = 2
 """Surplus replies that prove a second servo; a single one may be a late reply."""
@@ -149,9 +149,9 @@ class _ReadComparison:
     latest: float = inf
 
     def add(self, start: int, data: bytes, sent: float, now: float) -> None:
-        """Compare a copy of the table from ``start`` on with earlier ones.
+        """Compare a read of the table with earlier reads, to find values that cannot come from a single servo.
 
-        It was requested at ``sent`` and complete at ``now`` (s).
+        ``data`` are the bytes from address ``start`` on. They were requested at ``sent`` and complete at ``now`` (s).
         """
         self.first = begin, before = self.first or (start, data)
         for register in self.model.table.registers.values():
@@ -235,9 +235,10 @@ class _UniqueIdTest:
         start: int = MIN_READ_ADDRESS + 2,
         extra_time: float = SECOND_REPLY_DELAY,
     ) -> None:
-        """Read the servo's table ``count`` times, from several addresses up to ``start``, so that checksums differ.
+        """Read the servo's table ``count`` times, from several addresses up to ``start``.
 
-        ``extra_time`` (s) is how much later than a single servo a second one may reply.
+        Two replies that collide may by chance seem to be one intact reply; with a read from another address this does
+        not repeat. ``extra_time`` (s) is how much later than a single servo a second one may reply.
         """
         bus, at = self._bus, self._at
         self._readings = self._readings or _ReadComparison(model)

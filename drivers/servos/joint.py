@@ -18,7 +18,10 @@ from drivers.servos.register import Register, RegisterBlock
 from drivers.servos.wire import LASTING_FAULTS, ServoFault
 
 DISPLACEMENT_TOLERANCE = radians(5)
-"""Radians from its expected position beyond which a joint that is back counts as moved, or its servo as replaced."""
+"""Largest distance in radians between the expected and the actual position of a joint that reconnects.
+
+Beyond it, the joint counts as moved, or its servo as replaced.
+"""
 
 OVERVOLTAGE_FACTOR = 1.1
 """Supply voltage at which a servo is not driven, as a multiple of its highest allowed voltage (EEPROM).
@@ -229,10 +232,10 @@ class Joint:
         return state.position + min(covered, way, key=abs)
 
     def expected_position(self, position: float) -> float | None:
-        """Return the expected position of a joint that is back (radians); None if ``position`` is near it.
+        """Return the position in radians at which a reconnected joint was expected to be.
 
-        A joint with torque may have moved on to its last setpoint, so any position on that way is expected. A joint
-        without torque may be anywhere: None.
+        None if ``position``, at which it is, agrees. While it was disconnected, a joint with torque may have moved on
+        to its last setpoint, so any position on the way is expected. A joint without torque may be anywhere: None.
         """
         state = self.reading.value
         if state is None or not self.torque:

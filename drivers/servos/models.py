@@ -105,7 +105,10 @@ class ServoModel:
         return raw * self.effort_unit
 
     def torque_ticks(self, share: float) -> int:
-        """Return a share of the stall torque as a limit: at least 1, since 0 looks like a shutdown."""
+        """Return a share of the stall torque as a value for the register of the torque limit.
+
+        It is at least 1, since a servo of protocol 1.0 that shuts down sets its limit to 0.
+        """
         return min(max(round(share * self.full_torque), 1), self.full_torque)
 
     def goal_write(self, goal: int, speed: int) -> tuple[int, bytes]:

@@ -203,7 +203,11 @@ class JointMonitor:
             self._reporter.report_faults(joint, risen)
 
     def _on_missed_read(self, joint: Joint) -> None:
-        """Schedule the next read: at once, then after a pause; then mark the servo as missing."""
+        """Schedule the next read of a joint whose servo has not replied.
+
+        The first retry is at once, the second after ``MISSED_READ_PAUSE``. After ``MAX_MISSED_READS`` the servo counts
+        as missing.
+        """
         joint.missed_reads += 1
         now = self._clock.now()
         joint.next_read_at = now + MISSED_READ_PAUSE if joint.missed_reads > 1 else now

@@ -62,7 +62,7 @@ class PollSchedule:
     def due_joints(self, joints: Iterable[Joint], coupled: Collection[str], now: float) -> list[Joint]:
         """Return those of ``joints`` that are due to be read; ``coupled`` names the joints that lead or follow.
 
-        A joint is read in the round that is nearest to its due time, which may be a little earlier.
+        Joints that are nearly due are returned as well, so that one request reads several joints.
         """
         due = {joint: joint.reading.stamp + self._interval(joint, coupled, now) for joint in joints if joint.is_driven}
         early = round_schedule.EARLY_PERIODS * self._min_interval

@@ -132,7 +132,7 @@ def _ping_each(baud: int, protocol: Protocol, ids: Sequence[int], timeout_factor
 
 
 def _identify(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, bytes, BusDevice | None]:
-    """Return the servo with ID ``number``, which has sent bytes; None if it is of another make than ``codec``."""
+    """Return the servo with ID ``number``, which replied to a ping; None if it is of another make than ``codec``."""
     protocol = codec.protocol
     identity = yield from _read(codec, baud, number, IDENTITY_BLOCKS[protocol])
     if identity is None:

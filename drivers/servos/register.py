@@ -87,10 +87,11 @@ class RegisterBlock(NamedTuple):
 class ControlTable:
     """A control table: registers by name in the order of their addresses, and the use of some of them.
 
-    ``fast_block`` is read in every round, ``slow_blocks`` about once a second, ``setup_block`` when a servo joins. The
-    other fields are names of registers: ``goal`` is the position to reach, ``speed`` the speed on the way; ``velocity``
-    and ``effort`` are the measured speed and load; ``torque_limit`` (RAM) is bounded by ``torque_ceiling`` (EEPROM);
-    ``limit_registers`` hold the lower and the upper bound of the goal (EEPROM).
+    ``fast_block`` is read each time that the servo is polled, ``slow_blocks`` about once a second, ``setup_block`` when
+    the driver has found the servo. The other fields are names of registers: ``goal`` is the position to reach,
+    ``speed`` the speed on the way; ``velocity`` and ``effort`` are the measured speed and load; ``torque_limit`` (RAM)
+    is bounded by ``torque_ceiling`` (EEPROM); ``limit_registers`` hold the lower and the upper bound of the goal
+    (EEPROM).
     """
 
     registers: Mapping[str, Register]

@@ -47,7 +47,7 @@ class RigidServo(ServoTwin):
         self._scene.set_goal(self._name, self._shaft.goal, self._shaft.speed)
 
     def relax(self, now: float) -> None:
-        """Switch the torque off; the load falls."""
+        """Switch the torque off, so that gravity and other forces turn the joint."""
         super().relax(now)
         self._scene.switch_torque_off(self._name)
 

@@ -1,12 +1,12 @@
-"""Schedule of an arm driver's rounds, and its share of the bus time."""
+"""Schedule of the rounds in which an arm driver reads its servos, and statistics of the use of the bus."""
 
 from math import ceil, inf
 
 STATISTICS_WINDOW = 1.0
-"""Seconds over which the statistics are averaged."""
+"""Seconds over which the achieved rate and the utilisation of the bus are averaged."""
 
 EARLY_PERIODS = 1 / 2
-"""Share of a period by which a reading may be early and still belong to the nearest round.
+"""Time by which a joint may be read before it is due, as a share of the period between two rounds of readings.
 
 A reading is stamped on arrival, a few milliseconds into its round. Without this tolerance, the next reading of the same
 joint would be taken a whole period late.
@@ -14,10 +14,11 @@ joint would be taken a whole period late.
 
 
 class RoundSchedule:
-    """Schedule of read rounds at ``rate`` (Hz), at fixed times as far as the rounds keep up, with statistics.
+    """Schedule of the rounds in which servos are read, at ``rate`` (Hz), with statistics.
 
-    ``rounds`` is the number of rounds so far. ``achieved_rate`` (Hz), and ``utilisation`` of the bus (share of time,
-    0..1), are averages over the last full ``STATISTICS_WINDOW``.
+    Rounds begin at fixed times as long as each ends before the next. ``rounds`` is the number of rounds so far.
+    ``achieved_rate`` (Hz), and ``utilisation`` of the bus (share of time, 0..1), are averages over the last full
+    ``STATISTICS_WINDOW``.
     """
 
     def __init__(self, rate: float) -> None:
@@ -37,7 +38,8 @@ class RoundSchedule:
         """End a round at time ``now``; return the seconds to the next one.
 
         At least a tenth of a period remains for other users of the bus. ``busy`` is the total busy time of the bus (s).
-        Rounds that would begin more than half a period before ``not_before`` are skipped.
+        ``not_before`` is the time at which the next joint is due: rounds that would begin more than half a period
+        before it are skipped.
         """
         self.rounds += 1
         began, rounds, used = self._window

@@ -76,7 +76,8 @@ def frame(protocol: Literal[1, 2], servo: int, instruction: int, parameters: byt
 class SdkPacketParser(wire.PacketParser):
     """Finds replies in a stream with the SDK's packet code, which parses all buffered bytes again for each chunk.
 
-    Requests are ignored: in protocol 2.0 all echoes, in 1.0 packets with an error byte above 7F.
+    The SDK's code skips packets that cannot be replies, such as echoes of requests: in protocol 2.0 all packets that
+    are not a status, in 1.0 packets with an error byte above 7F.
     """
 
     def feed(self, data: bytes) -> list[Packet]:

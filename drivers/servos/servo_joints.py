@@ -1,7 +1,7 @@
 """Common part of the arm driver and its simulated device: limits, progress, following, hold and relax.
 
-Goals are clamped to the limits of their joints, with a notice. Followers are updated in the driver's own loop: each
-goal is sent in the round that read its leader.
+Goals are clamped to the limits of their joints, with a notice. The driver's own loop reads the joints, and sends each
+follower its goal as soon as its leader was read.
 """
 
 from abc import ABC, abstractmethod

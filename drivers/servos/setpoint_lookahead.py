@@ -1,7 +1,8 @@
-"""Setpoint lookahead: a joint is sent only a short way ahead, and the next setpoint before it arrives.
+"""Setpoint lookahead: a joint is not sent its goal, but setpoints a short way ahead of its position.
 
-A servo with its final goal moves on to it if the controlling program dies. With a short lookahead it comes to rest by
-itself at the last setpoint, and keeps its torque.
+The next setpoint is sent before the joint reaches the last one. A servo that was sent its final goal would move on to
+it if the controlling program died. With a short lookahead it comes to rest by itself at the last setpoint, and keeps
+its torque.
 """
 
 from math import inf, radians
@@ -46,7 +47,7 @@ def next_setpoint(joint: Joint, now: float) -> int | None:
 def approach_speed(joint: Joint, goal: float, speed: float, here: float | None) -> float:
     """Return the speed (rad/s) at which a joint moves to ``goal`` (radians), at most ``speed``.
 
-    A joint that was displaced, or was away for long, moves slowly until it is near its goal.
+    A joint that was displaced, or was offline for long, moves slowly until it is near its goal.
     """
     if joint.approaches_slowly and here is not None:
         slow = joint.goal is not None and joint.speed <= MAX_APPROACH_SPEED  # it already has a setpoint

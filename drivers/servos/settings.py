@@ -36,7 +36,7 @@ FORCE_REGISTERS = frozenset(
         *("protection_current", "protective_torque", "overload_torque"),
     }
 )
-"""Registers of the holding force: a smaller magnitude, or the other sign, weakens it."""
+"""Registers of the holding force: a smaller absolute value, or a change of the sign, weakens the hold."""
 
 SOFTNESS_REGISTERS = frozenset(
     {
@@ -69,8 +69,9 @@ def plan_changes(
 ) -> list[RegisterChange]:
     """Return the changes, in the order of writing, after which the servo holds ``values`` (by register name).
 
-    Nothing is written. Raises BadRequest that lists all invalid values, for a speed without a limit, or for an ID that
-    another servo has; DeviceFault unless a single servo with this table has its ID; NoReply, NotConnected.
+    Nothing is written. Raises BadRequest that lists all invalid values, for the speed 0 of a servo for which it means
+    full speed, and for an ID that another servo has; DeviceFault unless a single servo with this table has its ID;
+    NoReply, NotConnected.
     """
     who = f"{bus.name}: servo {at.id}"
     registers = _check_registers(who, table, values)

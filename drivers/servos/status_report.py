@@ -1,4 +1,4 @@
-"""Status reports of an arm driver on its servos: each once, with a hint."""
+"""Status reports of an arm driver on its servos. Each event is reported once, with a hint."""
 
 from collections.abc import Iterable, Mapping
 from math import degrees, inf

@@ -22,8 +22,9 @@ _REQUEST_BYTES = MappingProxyType({"single": 8, "bulk": 3, "sync": 1})
 class GroupReader:
     """Reads the fast block of many servos. Not thread-safe.
 
-    Servos that support it are read by one request. A servo that missed it, or that was silent before, is read alone, so
-    that it cannot delay the others. Older firmware does not support group reads.
+    Servos that support group reads are read together by one request. A servo that did not answer the last group read,
+    or that was silent before, is read alone, so that it cannot delay the others. Older firmware does not support group
+    reads.
     """
 
     def __init__(self, bus: ServoBus, clock: Clock) -> None:

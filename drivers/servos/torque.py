@@ -1,7 +1,7 @@
-"""Torque of servos switched without a jump, and setpoints of moving joints.
+"""Switching the torque of servos without a sudden motion, and sending setpoints to moving joints.
 
-Before the torque is switched on, the goal is set to the current position, with a finite speed: an old goal would be
-approached at once. Moving joints get short setpoints: see ``setpoint_lookahead``.
+Before the torque is switched on, the goal is set to the current position, with a finite speed: otherwise the servo
+would turn to an old goal at once. Moving joints get short setpoints: see ``setpoint_lookahead``.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -211,7 +211,8 @@ def hold_or_relax(bus: ServoBus, joints: Iterable[Joint], *, stiff: bool, now: f
 def _hold_or_relax_one(bus: ServoBus, joint: Joint, position: int | None, *, stiff: bool, now: float) -> bool:
     """Hold or relax one joint; return True if it confirmed that. A joint that was answering is tried twice.
 
-    A joint is held at ``position`` (ticks); at its current position if that is None, and in the second try.
+    In the first try the joint is held at ``position`` (ticks). If that is None, and in the second try, it is held at
+    its current position.
     """
     joint.lacks_confirmation = not joint.is_answering
     if stiff and not joint.is_driven:
@@ -252,9 +253,10 @@ def release_attempts(bus: ServoBus, failed: Collection[Joint], clock: Clock) -> 
 
 
 def recover_joints(bus: ServoBus, joints: Iterable[Joint], *, now: float) -> list[Joint]:
-    """Switch the torque of joints that have shut down on again, in place; return those that accept it.
+    """Switch the torque of joints that have shut down on again, at their current positions.
 
-    A servo of protocol 2.0 is rebooted, after which the monitor has to find it again. Raises NotConnected.
+    Returns the joints whose servos have accepted it. A servo of protocol 2.0 is rebooted, after which the monitor has
+    to find it again. Raises NotConnected.
     """
     recovered = []
     bus.require_open()

@@ -169,7 +169,8 @@ class JointsTwin(ServoJoints):
     STEP_INTERVAL = 0.025
     """Seconds between two steps of the simulated arm.
 
-    This is longer than a round of the real driver, because no step is needed for a reading: it is computed on request.
+    This is longer than the interval at which the real driver reads its servos, because a simulated reading needs no
+    step: it is computed on request.
     """
 
     always_stiff: ClassVar[bool] = False
@@ -240,9 +241,9 @@ class JointsTwin(ServoJoints):
         return {name: replace(reading, quality=quality) for name, reading in self._readings.items()}
 
     def recover(self) -> tuple[str, ...]:
-        """Switch the torque of servos that have shut down on again, in place; return the names of the joints.
+        """Switch the torque of servos that have shut down on again; return the names of their joints.
 
-        It also enables the arm. Raises NotConnected.
+        The joints stay at their current positions. It also enables the arm. Raises NotConnected.
         """
         self.plug.check_online()
         self._reconnect.enable()

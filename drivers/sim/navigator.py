@@ -16,7 +16,7 @@ PROGRESS_TIMEOUT = 5.0
 """Seconds without progress of the robot after which a navigation goal is aborted."""
 
 MIN_PROGRESS = 0.02
-"""Metres plus radians by which the remaining way must shrink to count as progress."""
+"""Smallest decrease of the remaining distance (metres) or turn (radians) that counts as progress."""
 
 SUCCEEDED, CANCELLED, ABORTED = 4, 5, 6
 """Goal results as numbered in action_msgs."""

@@ -210,7 +210,7 @@ def _wall_panels(room: Room) -> Iterator[RoomPanel]:
 
 
 def _fixture_panels(room: Room, item: Fixture) -> Iterator[RoomPanel]:
-    """Yield the panels of one fixture; ``_PARTS`` has their positions as shares of its width and height."""
+    """Yield the panels of one fixture, such as the frame and the panes of a window."""
     for left, right, low, high, colour in _PARTS[item.kind](item.colour):
         along = (item.along + item.width * (left - 0.5), item.along + item.width * (right - 0.5))
         up = (item.bottom + item.height * low, item.bottom + item.height * high)

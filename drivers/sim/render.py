@@ -50,8 +50,9 @@ def make_mipmaps(sheet: Sprite) -> tuple[Sprite, ...]:
 def draw_sheet(painter: Painter, sizes: Sequence[Sprite], corner: Floats, across: Floats, down: Floats) -> None:
     """Draw a flat sheet that hangs in the world.
 
-    ``sizes`` come from ``make_mipmaps``. ``corner`` is the position of its top left corner in metres; ``across`` and
-    ``down`` are vectors along its edges, one pixel of the first size long.
+    ``sizes`` are copies of the sheet from ``make_mipmaps``, the largest first. ``corner`` is the position of the
+    sheet's top left corner in metres; ``across`` and ``down`` are vectors along its edges, as long as one pixel of the
+    largest copy.
     """
     middle = corner + across * (sizes[0].shape[1] / 2) + down * (sizes[0].shape[0] / 2)
     away = max(NEAR_PLANE, float(np.linalg.norm(middle - painter.eye)))
@@ -154,9 +155,9 @@ def _is_behind(one: UprightBox | UprightCylinder, other: UprightBox | UprightCyl
 
 
 def _is_separated_by(block: UprightBox, other: UprightBox | UprightCylinder, eye: Point3) -> bool | None:
-    """Return whether the eye and ``other`` are beyond the same side of ``block``.
+    """Return whether a plane through a side of ``block`` separates it from ``other``, with the eye beyond it.
 
-    None if no side of ``block`` separates it from ``other``.
+    None if no such plane separates the two objects.
     """
     if isinstance(other, UprightCylinder):
         u, v = block.to_local(other.x, other.y)
@@ -180,7 +181,7 @@ def _squared_distance(solid: UprightBox | UprightCylinder, eye: Point3) -> float
 # Paints whole people, as flat figures that are stood in the world like cardboard cut-outs.
 
 METRES_PER_PIXEL = 0.001
-"""Metres per pixel of a figure."""
+"""Metres per pixel of the painted figure of a person."""
 
 FIGURE_HALF_WIDTH = 340
 """Half the width of a figure in millimetres, with room for shoulders and arms."""
@@ -492,7 +493,10 @@ class Renderer:
         return PaintedPerson(presence, _figure_mipmaps(person.look, person.height, from_behind))
 
     def _expose(self, image: Image, light: float) -> Image:
-        """Scale the picture by the light and add noise (with an offset of 128) in one pass."""
+        """Scale the picture by the brightness ``light`` and add noise, in one pass.
+
+        The noise is stored as bytes, with 128 added to each value.
+        """
         if self._grain is None:
             shape = (self._lens.height + _GRAIN_MARGIN, self._lens.width + _GRAIN_MARGIN, 3)
             noise = self._random.standard_normal(shape, np.float32) * np.float32(self._noise)

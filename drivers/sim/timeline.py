@@ -31,7 +31,10 @@ class Timeline:
         heappush(self._queue, (time, next(self._order), action))
 
     def call_every(self, period: float, action: TimedAction, *, start: float | None = None) -> None:
-        """Schedule ``action`` every ``period`` seconds for ever, from ``start`` or now on, on an absolute schedule."""
+        """Schedule ``action`` every ``period`` seconds for ever, first at ``start``, or now if that is None.
+
+        The times are multiples of the period after the first call, so that delays do not add up.
+        """
         begin = self.clock.now() if start is None else start
         times = count()
 

@@ -248,7 +248,10 @@ class SimulatedWorld:
         return True
 
     def _presences(self, time: float, *, staying: bool = True) -> Iterator[Presence]:
-        """Yield the state of the people who have not left; with ``staying`` False without people who never move."""
+        """Yield the state of each person who has not left.
+
+        If ``staying`` is False, people who never move are left out.
+        """
         for person, cues in zip(self.people, self._schedules, strict=True):
             presence = (
                 person.presence_at(time, cues.actions_until(time), self.room)

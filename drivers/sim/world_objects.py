@@ -204,7 +204,7 @@ class WorldDock:
         return (self.x, self.y), (self.x + 2.5 * DOCK_SIZE[0] * c, self.y + 2.5 * DOCK_SIZE[0] * s)
 
     def has_contact(self, base: Pose2D, radius: float) -> bool:
-        """Return whether the contacts of a base of that radius touch the dock."""
+        """Return whether the contacts of a base touch the dock; ``base`` is its pose, ``radius`` that of its body."""
         dx, dy = base.x - self.x, base.y - self.y
         if abs(dx) + abs(dy) > 1.0:
             return False

@@ -30,7 +30,8 @@ TYPICAL_CEPSTRA = (41.6, -6.2, -4.3, -0.8, -3.5, -6.0, -4.9, -2.5, 0.8, -2.2, -1
 TYPICAL_ROWS = 100
 """Weight of ``TYPICAL_CEPSTRA`` in the mean of a word, as a number of rows (one row per 10 ms).
 
-The mean of a short word depends as much on its sounds as on the microphone.
+The mean of the word's own rows shows the effect of the microphone only if the word is long: that of a short word
+depends as much on its sounds.
 """
 
 _KEPT, _RISE, _FALL, _FADE, _MASK, _GAIN, _BESIDE = 0.7, 0.995, 0.5, 0.85, 0.2, 20.0, 4
@@ -66,7 +67,7 @@ def remove_noise(bands: Floats) -> Floats:
 
 
 def normalise_cepstra(rows: Floats) -> Floats:
-    """Return cepstra minus their mean, which removes the colour of microphone and voice; see ``TYPICAL_ROWS``."""
+    """Return cepstra minus their mean, which removes the effect of microphone and voice; see ``TYPICAL_ROWS``."""
     mean = (rows.sum(axis=0) + TYPICAL_ROWS * np.array(TYPICAL_CEPSTRA)) / (len(rows) + TYPICAL_ROWS)
     return np.asarray(rows - mean, np.float64)
 
@@ -82,9 +83,9 @@ def add_slopes(rows: Floats) -> Floats:
 
 
 def _lower_envelope(envelope: Floats, level: Floats) -> Floats:
-    """Return the lower envelope of a level after the next ``level``: it rises slowly and falls fast.
+    """Return the updated lower envelope of a sound level: it rises slowly and falls fast.
 
-    ``envelope`` is its value before.
+    ``envelope`` is its previous value, ``level`` the newest level.
     """
     keep = np.where(level >= envelope, _RISE, _FALL)
     return np.asarray(keep * envelope + (1 - keep) * level, np.float64)
@@ -171,7 +172,10 @@ class AcousticModel:
         self.weights = self._read_weights((folder / "sendump").read_bytes(), means.shape[1:3])
 
     def _read_phones(self, data: bytes) -> None:
-        """Read the states of each phone, which depend on its neighbours."""
+        """Store the states of each phone from the model's file ``mdef``, whose content is ``data``.
+
+        The states of a phone depend on the phones before and after it.
+        """
         if data[:4] != b"BMDF":
             raise ValueError("the acoustic model has no binary mdef")
         at = 12 + int(np.frombuffer(data, "<i4", 1, 8)[0])
@@ -304,7 +308,7 @@ class WordScore:
 
 
 class WordContest:
-    """Comparison of single words for one sound. For one thread.
+    """Search for the word that fits a sound best, for sounds with a single word. For one thread.
 
     ``pronunciations`` are pairs of a word and its phones; a word may have several.
     """

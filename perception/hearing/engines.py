@@ -12,7 +12,10 @@ from perception.hearing.lexicon import Lexicon
 from perception.hearing.sound import Clip, enhance_speech
 
 Judgement = tuple[str, float]
-"""The phrase nearest to a clip, and its score: the logarithm of the odds that it was spoken. Or ``NO_PHRASE``."""
+"""The phrase nearest to a clip, and its score: the logarithm of the odds that it was spoken.
+
+It is ``NO_PHRASE`` if no phrase is near.
+"""
 
 NO_PHRASE: Judgement = ("", -99.0)
 
@@ -42,7 +45,7 @@ class SphinxEngine:
         self._acceptance = acceptance
 
     def setup_message(self) -> Mapping[str, Any]:
-        """Return the setup message for a new process: pronunciations, and the network of words."""
+        """Return the setup message for a new worker process: pronunciations, and the network of words."""
         words = {word: [" ".join(ways) for ways in self._lexicon.pronunciations(word)] for word in self._grammar.words}
         return {"words": words, "arcs": self._grammar.arcs()}
 
@@ -71,7 +74,7 @@ class ModelEngine:
         self._model = model
 
     def setup_message(self) -> Mapping[str, Any]:
-        """Return the setup message for a new process: model folder and phrases."""
+        """Return the setup message for a new worker process: model folder and phrases."""
         return {"model": str(self._model), "phrases": list(self._grammar.phrases)}
 
     def prepare_sound(self, clip: Clip) -> bytes:
@@ -79,7 +82,10 @@ class ModelEngine:
         return clip.samples.tobytes()
 
     def judge(self, clip: Clip, answer: Mapping[str, Any]) -> Judgement:  # noqa: ARG002 - the answer says it all
-        """Return the phrase for a worker's reply, and as score the lowest confidence of its parts."""
+        """Return the phrase and its score for a worker's reply to a clip.
+
+        The score is computed from the lowest confidence of the words, or parts of words, in the reply.
+        """
         phrase, parts = normalise(str(answer.get("phrase", ""))), answer.get("sure", ())
         if phrase not in self._grammar.phrases or not parts:
             return NO_PHRASE

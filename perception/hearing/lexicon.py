@@ -1,4 +1,4 @@
-"""Pronunciations of words: from the robot file, the recogniser's dictionary or a synthesiser; and like phrases."""
+"""Pronunciations of words, from the robot file, the recogniser's dictionary or a synthesiser; and similar phrases."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
@@ -158,7 +158,10 @@ def _read_lexicon(path: Path, overrides: Sequence[tuple[str, str]]) -> Lexicon:
 # Which phrases are easily confused: those that differ by hardly more than one sound.
 
 MAX_CONFUSABLE_CHANGES = 1.0
-"""Largest edit distance, in phones, of confusable phrases; a replacement within a kind (m by n) counts half."""
+"""Largest edit distance, in phones, at which two phrases count as easily confused.
+
+A replacement of a phone by one of the same kind, such as m by n, counts half.
+"""
 
 MAX_PRONUNCIATIONS = 16
 """Maximum number of pronunciations of a phrase that are compared."""

@@ -39,7 +39,7 @@ class RecogniserState(Enum):
 
 
 class RecogniserEvent(Enum):
-    """Event of the recogniser's process."""
+    """Event of the recogniser's process: it has started, is ready, got a clip, has decoded it, or has died."""
 
     STARTED, READY, CLIP_SENT, DECODED, LOST = range(5)
 
@@ -56,7 +56,7 @@ TRANSITIONS: Final = {
 
 
 class RecogniserHandler(Protocol):
-    """Handler of a worker process: see ``drivers.transport.worker_process.WorkerHandler``."""
+    """Receiver of the messages of a worker process, as ``drivers.transport.worker_process.WorkerHandler``."""
 
     def on_started(self) -> None:
         """Called when the process has started; it needs its setup."""
@@ -72,7 +72,7 @@ class RecogniserHandler(Protocol):
 
 
 class RecogniserWorker(Protocol):
-    """A worker process: see ``drivers.transport.worker_process.WorkerProcess``."""
+    """Worker process that is restarted if it dies, as ``drivers.transport.worker_process.WorkerProcess``."""
 
     def open(self, handler: RecogniserHandler) -> None:
         """Start the process."""
@@ -95,10 +95,13 @@ class RecogniserWorker(Protocol):
 
 
 class RecogniserEngine(Protocol):
-    """A recognition engine: see ``perception.hearing.engines``."""
+    """Translator between the listener and one kind of recogniser, such as ``perception.hearing.engines.SphinxEngine``.
+
+    It makes the messages to the worker process, and interprets the replies.
+    """
 
     def setup_message(self) -> Mapping[str, Any]:
-        """Return the setup message for a new process."""
+        """Return the setup message for a new worker process, such as its model and the phrases to listen for."""
         ...
 
     def prepare_sound(self, clip: Clip) -> bytes:
@@ -232,7 +235,7 @@ class SpeechListener:
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Send the setup to a new process."""
+        """Send the setup message to the recogniser's process, which has just started."""
         with self._lock:
             self._handle_event(RecogniserEvent.STARTED)
             self._waiting_since = None
@@ -240,12 +243,12 @@ class SpeechListener:
             self._worker.send(self._engine.setup_message(), timeout=CLIP_TIMEOUT)
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Drop the clip that was being decoded: it may have killed the process."""
+        """Drop the clip that was being decoded, since this clip may be the cause of the process's death."""
         with self._lock:
             self._handle_event(RecogniserEvent.LOST)
 
     def on_message(self, message: Mapping[str, Any], body: bytes) -> None:  # noqa: ARG002 - none is sent
-        """Process a reply, and send the next clip."""
+        """Process a reply of the recogniser's process, and send it the next clip."""
         with self._lock:
             if "ready" in message:
                 self._handle_event(RecogniserEvent.READY)

@@ -3,8 +3,9 @@
 Messages are lines of JSON on standard input and output. If one has ``bytes: N``, N bytes of sound follow, 16-bit mono
 at 16 kHz. ``{"words": {word: [phones, ..]}, "arcs": [[from, to, probability, word], ..]}`` sets the grammar, from state
 0 to state 1, and is answered by ``{"ready": true}``. ``{"decode": id}`` with a sound is answered by the recognised
-phrase, and its scores beside a loop over all phones; each of its words is also compared with common English words. The
-process ends when its standard input is closed.
+phrase and its scores. For comparison, the answer also has the scores of free speech, recognised as any sequence of
+phones; each word of the phrase is also compared with common English words. The process ends when its standard input is
+closed.
 """
 
 import heapq

@@ -23,7 +23,10 @@ TRAILING_SILENCE = np.zeros(int(0.6 * RATE), np.float32)
 
 
 def find_model_part(model: Path, name: str) -> str:
-    """Return the file in the folder ``model`` whose name begins with ``name``. Exits if there is none."""
+    """Return the ONNX file in the folder ``model`` whose name begins with ``name``.
+
+    Ends the process with a message if there is none.
+    """
     found = [*sorted(model.glob(f"{name}*.int8.onnx")), *sorted(model.glob(f"{name}*.onnx"))]
     if not found:
         sys.exit(f"{model}: there is no {name}*.onnx: a streaming transducer has encoder, decoder, joiner, tokens.txt")

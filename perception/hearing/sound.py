@@ -15,9 +15,9 @@ FRAME_SAMPLES = 320
 """Samples per level measurement: 20 ms."""
 
 FULL_SCALE_LEVEL = 20 * np.log10(32768.0)
-"""Level of a full-scale square wave, in dB over a square wave of one step.
+"""Level of a full-scale square wave in dB, relative to a square wave with the amplitude 1 of 32768.
 
-A level in dBFS is a level in dB over one step minus this constant.
+Levels in this module have that reference. Minus this constant, they are levels in dBFS.
 """
 
 Samples = npt.NDArray[np.int16]
@@ -51,7 +51,7 @@ class Piece(Protocol):
 
 
 def levels(samples: Samples | Floats, size: int = FRAME_SAMPLES) -> Floats:
-    """Return the level of each whole frame of ``size`` samples, in dB over one step; silence is 0."""
+    """Return the level of each whole frame of ``size`` samples, in dB relative to the amplitude 1; silence is 0."""
     whole = np.asarray(samples[: len(samples) // size * size], np.float64).reshape(-1, size)
     return np.asarray(10 * np.log10(np.mean(whole**2, axis=1) + 1.0), np.float64)
 
@@ -74,7 +74,7 @@ SMOOTHING = 0.95
 """Weight of the previous frame in the estimate of the signal-to-noise ratio."""
 
 TARGET_LEVEL = 66.0
-"""Level to which the loud frames of a clip are amplified, in dB over one step."""
+"""Level to which the loud frames of a clip are amplified, in dB relative to the amplitude 1."""
 
 MAX_AMPLIFICATION = 30.0
 """Largest amplification of a clip, in dB."""
@@ -93,7 +93,10 @@ def enhance_speech(samples: Samples, noise: Samples) -> Samples:
 
 
 def add_noise(samples: Samples, deviation: float) -> Samples:
-    """Return ``samples`` plus noise of that standard deviation, because speech models do not know digital silence."""
+    """Return ``samples`` plus noise with the standard deviation ``deviation``.
+
+    Speech models are trained on recordings with noise, and do not know digital silence.
+    """
     return _to_int16(samples + np.random.default_rng(0).standard_normal(len(samples)) * deviation)
 
 
@@ -122,7 +125,10 @@ def _windowed_pieces(sound: Floats) -> Floats:
 
 
 def _overlap_add(pieces: Floats) -> Floats:
-    """Return the sum of overlapping faded pieces: their sound, except for its first and last window."""
+    """Return the sound whose overlapping, faded pieces are ``pieces``: their sum.
+
+    The first and the last window of the sound stay faded.
+    """
     sound = np.zeros((len(pieces) - 1) * HOP_SAMPLES + WINDOW_SAMPLES)
     for number, piece in enumerate(pieces):
         sound[number * HOP_SAMPLES : number * HOP_SAMPLES + WINDOW_SAMPLES] += piece
@@ -143,7 +149,10 @@ TAIL_TIME = 0.3
 """Seconds of sound kept after the speech."""
 
 MIN_BACKGROUND_LEVEL = 20.0
-"""Smallest assumed level of the background, in dB over one step, so that hiss after digital silence is not speech."""
+"""Smallest assumed level of the background, in dB relative to the amplitude 1.
+
+Without it, hiss after digital silence would count as speech.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +175,8 @@ class SpeechGate:
 class Clip:
     """An utterance cut out of the sound: ``start`` and ``end`` of the speech, on the clock of the microphone.
 
-    ``samples`` begin ``lead`` seconds before ``start``. ``noise`` is the background from before, perhaps empty.
+    ``samples`` begin ``lead`` seconds before ``start``. ``noise`` is the background before the utterance, perhaps
+    empty.
     """
 
     start: float
@@ -233,7 +243,10 @@ class EndPointer:
         self._lead_frames.append(frame)
 
     def _end_clip(self, now: float) -> Clip | None:
-        """End the current utterance; sound after its tail is background again."""
+        """End the current utterance, and return it as a clip; None if it was too short to be speech.
+
+        Sound later than ``TAIL_TIME`` after the end of the speech counts as background again.
+        """
         said, loud, self._speech_frames, self._loud_flags = self._speech_frames, self._loud_flags, [], []
         spoken = len(loud) - loud[::-1].index(True)
         endless = len(loud) >= _frame_count(self._gate.longest)
@@ -263,8 +276,8 @@ def _with_levels(frames: Sequence[Samples]) -> Iterator[tuple[Samples, float]]:
 def _select_quiet_frames(frames: Sequence[Samples], rise: float) -> list[tuple[Samples, float]]:
     """Return the quiet frames with their levels.
 
-    A frame is quiet if it is less than ``rise`` dB louder than the quietest fifth. So all frames of a fan that was
-    switched on are quiet, and in speech the pauses are.
+    A frame is quiet if it is less than ``rise`` dB louder than the quietest fifth of the frames. The noise of a fan
+    that was switched on is quiet in all frames; of speech, only the pauses are quiet.
     """
     found = list(_with_levels(frames))
     low = float(np.percentile([level for _, level in found], 20))

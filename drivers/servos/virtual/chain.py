@@ -45,8 +45,9 @@ class VirtualServoBus:
     """A virtual servo bus: a ``WireDevice``, ``TimedDevice`` and ``MultiRateDevice``.
 
     With ``paced``, bytes take their time on the wire, and servos wait for their return delay. ``injection`` adds faults
-    to the bytes. ``contention`` selects those of several simultaneous replies that reach the host, because their
-    senders drive the wire more strongly; if it is None, all do. Both may be replaced at any time.
+    to the bytes. ``contention`` is for servos with one ID that reply at the same time: it is called with all these
+    replies, and returns those that reach the host, because their senders drive the wire more strongly. If it is None,
+    all replies overlap on the wire. Both may be replaced at any time.
     """
 
     def __init__(
@@ -138,7 +139,7 @@ class VirtualServoBus:
         return self._pending[0][0] if self._pending else None
 
     def _stacks_in_tune(self) -> list[tuple[wire.PacketParser, PacketHandler, list[VirtualServo]]]:
-        """The protocol stacks, each with its servos at the current baud rate."""
+        """Packet parser, packet handler, and servos at the current baud rate, for each protocol."""
         if self._tuned_stacks is None:
             baud = self.baud
             self._tuned_stacks = [

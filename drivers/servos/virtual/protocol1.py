@@ -21,7 +21,10 @@ _MIN_RETURN_LEVELS: dict[int, int] = {
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
-    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies, one slot after the other."""
+    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies in the order of sending.
+
+    Each item of the result is the reply of one servo, or the simultaneous replies of several with one ID.
+    """
     if packet.id == BROADCAST and packet.intact and packet.code == Protocol1Instruction.SYNC_WRITE:
         sync_write(packet.parameters, servos, now)
         return []

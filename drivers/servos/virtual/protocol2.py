@@ -20,7 +20,7 @@ CLEAR_TURNS = bytes.fromhex("01 44 58 4C 22")
 """Parameters of CLEAR that clear the turns of a position: the code 01, and a fixed password."""
 
 KEPT_REGISTERS: Mapping[int, tuple[str, ...]] = MappingProxyType({0xFF: (), 0x01: ("id",), 0x02: ("id", "baud")})
-"""Registers that survive a factory reset, by its parameter."""
+"""Registers that survive a factory reset, by the parameter of the instruction FACTORY_RESET."""
 
 _ERRORS: Mapping[ServoFault, Protocol2Error] = MappingProxyType(
     {
@@ -39,7 +39,10 @@ ReadTarget = tuple[int, int, int]
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
-    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies, one slot after the other."""
+    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies in the order of sending.
+
+    Each item of the result is the reply of one servo, or the simultaneous replies of several with one ID.
+    """
     meant = [servo for servo in servos if packet.id in (servo.number, BROADCAST)]
     for servo in meant:
         servo.on_bus_activity(now)
@@ -139,7 +142,7 @@ def _readers(servos: Iterable[VirtualServo], number: int) -> list[VirtualServo]:
 
 
 def _answer_in_turn(targets: Iterable[ReadTarget], servos: Sequence[VirtualServo]) -> list[Slot]:
-    """Return one slot of replies after the other."""
+    """Return the replies to a sync read or a bulk read, in the order of ``targets``, up to the first missing servo."""
     slots: list[Slot] = []
     for number, address, count in targets:
         slot: Slot = []

@@ -317,7 +317,10 @@ class VirtualServo(VirtualTable):
         return NO_FAULT
 
     def _clear_overload(self) -> None:
-        """End an overload; it returns if its cause remains."""
+        """End the reported overload.
+
+        If the shaft is still blocked, the servo reports an overload again after ``STALL_TIME``.
+        """
         self._is_overloaded = False
         self._motor.stalled_since = None
 
@@ -332,7 +335,7 @@ class VirtualServo(VirtualTable):
         return bytes(self.table[address : address + size])
 
     def register_write(self, address: int, data: bytes) -> ServoFault:
-        """Register a write for ACTION; return the fault of a refused one."""
+        """Store a write until the instruction ACTION executes it; return the fault for which it is refused, if any."""
         reason = self.refusal(address, data)
         if not reason:
             self.registered_write = (address, data)
@@ -401,7 +404,10 @@ class VirtualServo(VirtualTable):
             self._motor.velocity = 0.0
 
     def _latch(self, faults: ServoFault) -> bool:
-        """Keep faults that cause a shutdown until a reboot, and clear all others that have ended; True if shut down."""
+        """Update the hardware errors of protocol 2.0 with ``faults``; return True if the servo is shut down.
+
+        A fault that causes a shutdown is kept until a reboot. All other faults are cleared once they have ended.
+        """
         mask = self.settings.shutdown
         error = self.get("hardware_error")
         if not (error or faults):

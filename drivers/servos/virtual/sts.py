@@ -17,7 +17,10 @@ _ALWAYS_ANSWERED = (Protocol2Instruction.PING, Protocol2Instruction.READ)
 
 
 def handle_packet(packet: Packet, servos: Sequence[VirtualServo], now: float) -> list[Slot]:
-    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies, one slot after the other."""
+    """Let all ``servos`` receive ``packet`` at time ``now``; return their replies in the order of sending.
+
+    Each item of the result is the reply of one servo, or the simultaneous replies of several with one ID.
+    """
     if not packet.intact:
         return []
     if packet.id == BROADCAST and packet.code == Protocol2Instruction.SYNC_WRITE:
@@ -64,7 +67,7 @@ def _status(servo: VirtualServo, number: int, data: bytes) -> bytes:
 
 
 def _answer_in_turn(parameters: bytes, servos: Sequence[VirtualServo], now: float) -> Iterator[Slot]:
-    """Yield the replies to a sync read, one slot after the other."""
+    """Yield the replies to a sync read in the order of the request, up to the first missing servo."""
     for number in parameters[2:]:
         slot: Slot = []
         for servo in servos:

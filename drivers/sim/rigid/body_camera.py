@@ -116,7 +116,7 @@ def _egl_context_class() -> Any:
 
 
 def _has_egl() -> bool:
-    """Return whether EGL can draw here: PyOpenGL, libEGL and its driver each fail in their own way."""
+    """Return whether EGL can draw on this computer; it is tried, since there are several reasons why it may fail."""
     with suppress(Exception):
         context: Any = _egl_context_class()(16, 16)
         context.free()
@@ -125,7 +125,7 @@ def _has_egl() -> bool:
 
 
 def _robot_geoms(scene: PhysicsScene) -> list[int]:
-    """Return the shapes of the robot, which are all but planes."""
+    """Return the numbers of the robot's shapes: all shapes of the model except planes, which belong to the floor."""
     plane = int(scene.engine.mjtGeom.mjGEOM_PLANE)
     return [each for each in range(scene.model.ngeom) if scene.model.geom_type[each] != plane]
 

@@ -87,7 +87,7 @@ class Floor:
 # From a robot's links to MuJoCo's model format (MJCF), as text. It needs no MuJoCo.
 
 TRUNK = "trunk"
-"""Name of the root body, which no joint may have."""
+"""Name of the root body of a robot. A joint must not have this name."""
 
 
 def make_mjcf(figure: RigidRobot) -> str:
@@ -134,7 +134,7 @@ def _inertial_element(mass: float, centre: Vector, spread: Vector) -> str:
 def _shape_elements(shapes: Iterable[RigidShape]) -> str:
     """Return shapes in MJCF that touch the floor, but not each other.
 
-    ``drivers.legs.gait_check`` finds gaits in which limbs collide.
+    Collisions between limbs are not simulated; ``drivers.legs.gait_check`` finds gaits that would cause them.
     """
     return "".join(
         f"<geom {_shape_attributes(shape)} "

@@ -18,7 +18,7 @@ LEFT, RIGHT, MIDDLE = (180, 96, 38), (44, 90, 214), (120, 120, 120)
 """Colours of the left half of a body, the right half, and the middle."""
 
 MIDDLE_HALF_WIDTH = 0.01
-"""Metres from the middle within which a line belongs to neither half."""
+"""Largest distance in metres from the middle plane of the body at which a line is drawn in the colour ``MIDDLE``."""
 
 MARK_SPACING = 0.1
 """Metres between two marks on the floor."""
