@@ -14,6 +14,7 @@ from missions.cli.names import MISSION
 from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader, mission_files_in
 from missions.language.claims import impossible_alternatives
+from missions.language.document import unread_param_hints
 from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
 from missions.library.lookups import LOOKUPS
@@ -76,6 +77,7 @@ def _check_file(
     robot = load_target(able)
     summary = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
     hints = [
+        *unread_param_hints(plan),
         *actions_as_guards(plan.tree),
         *find_once_guards(plan.tree),
         *impossible_alternatives(plan.tree, robot, LOOKUPS),

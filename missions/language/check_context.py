@@ -79,8 +79,9 @@ class CheckContext:
 
     ``variables`` are set by some step of the mission, or are params known only in a run; ``missing_params`` are those
     that the caller has not set yet. ``variable_leaves`` are variables of known type, each with a leaf that stores it;
-    ``param_kinds`` are the kinds of params without a value. ``has_unreadable_line`` is true if a line of the file could
-    not be read. ``has_unreadable_mission`` is true if a sub-mission could not be read; it may return any variable.
+    ``param_kinds`` are the kinds of params without a value. ``read_names`` are all names that expressions read.
+    ``has_unreadable_line`` is true if a line of the file could not be read. ``has_unreadable_mission`` is true if a
+    sub-mission could not be read; it may return any variable.
     ``file_chain`` are the files from the main mission down to this one. ``steps`` are the places of all steps read so
     far in all files; ``depth`` is the number of steps above the present one.
     """
@@ -94,6 +95,7 @@ class CheckContext:
     missing_params: set[str] = field(default_factory=set)
     variable_leaves: dict[str, type[Leaf]] = field(default_factory=dict)
     param_kinds: dict[str, Kind] = field(default_factory=dict)
+    read_names: set[str] = field(default_factory=set)
     faults: list[Diagnostic] = field(default_factory=list)
     has_unreadable_line: bool = False
     has_unreadable_mission: bool = False
@@ -219,6 +221,7 @@ class CheckContext:
 
     def _check_name(self, node: Scalar, read: NameReference, label: str) -> bool:
         """Report an unknown name or member; return whether it is known."""
+        self.read_names.add(read.name)
         if read.name in self.variable_leaves:
             return self._check_member(node, read, label, self.variable_leaves[read.name])
         if read.name in self.params or read.name in self.variables or read.member in STATE_KINDS.get(read.name, ()):

@@ -9,10 +9,10 @@ from functools import cache
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.diagnostics import Diagnostic, InvalidFileError, SourceText, did_you_mean
+from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText, did_you_mean
 from config.units import quoted_value
 from config.yaml_nodes import Mapping as Entries
-from config.yaml_nodes import compose, read_source
+from config.yaml_nodes import Node, compose, read_source
 from missions.language.check_context import CheckContext, Lookup, Vocabulary, find_no_mission
 from missions.language.claims import TargetRobot, check_claims, check_necks, check_needs, check_reach
 from missions.language.definite_assignment import check_assignments
@@ -199,4 +199,30 @@ def _check(
     if notes.faults or body is None or tree is None:
         raise InvalidFileError(notes.faults)
     params = dict(notes.params)
-    return Plan(body.mission, body.summary, params, tree, source, body.returns, body.properties, body.if_interrupted)
+    return Plan(
+        body.mission,
+        body.summary,
+        params,
+        tree,
+        source,
+        body.returns,
+        body.properties,
+        body.if_interrupted,
+        _unread_params(root, notes.read_names),
+    )
+
+
+def _unread_params(root: Node, read_names: Collection[str]) -> dict[str, Mark]:
+    """Return the places of the params of a mission that are not among ``read_names``, by name."""
+    declared = root.get("params") if isinstance(root, Entries) else None
+    entries = declared.entries if isinstance(declared, Entries) else []
+    return {name.text: name.mark for name, _ in entries if name.text not in read_names}
+
+
+def unread_param_hints(plan: Plan) -> list[Diagnostic]:
+    """Return a hint for each param that no expression of the mission reads, so that a caller sets it in vain."""
+    hint = "write ${{{}}} where its value belongs, or remove it"
+    return [
+        Diagnostic(plan.source, mark, f"nothing reads the param '{name}'", hint.format(name))
+        for name, mark in plan.unread_params.items()
+    ]

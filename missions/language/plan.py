@@ -153,7 +153,7 @@ class Plan:
     """A checked mission: its tree of steps, the values of its params for a run, and its ``returns``.
 
     ``if_interrupted`` (``retry``, ``give_up``, or empty) says what to do when the mission, run as a task, was
-    interrupted.
+    interrupted. ``unread_params`` are the places of params that no expression of the mission reads, by name.
     """
 
     mission: str
@@ -164,3 +164,4 @@ class Plan:
     returns: Mapping[str, Value] = field(default_factory=dict)
     properties: tuple[MissionProperty, ...] = ()
     if_interrupted: str = ""
+    unread_params: Mapping[str, Mark] = field(default_factory=dict)

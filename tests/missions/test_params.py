@@ -10,10 +10,10 @@ from hypothesis import strategies as st
 from behaviours.catalogue import LEAVES
 from config.diagnostics import Diagnostic, InvalidFileError, SourceText
 from config.units import Quantity
-from missions.language.document import check_plan
+from missions.language.document import check_plan, unread_param_hints
 from missions.language.plan import Plan
 from missions.library.lookups import LOOKUPS
-from missions.library.shipped import load_mission
+from missions.library.shipped import load_mission, shipped_missions
 from missions.plugins.testing.mission_run import run_mission
 
 MISSION = """\
@@ -327,3 +327,46 @@ def test_a_param_with_a_dollar_but_no_braces_is_an_error() -> None:
         "write ${word} for its value",
     )
     assert check("mission: talk\nparams: {word: hello}\ntree: {say: That is $5 or $other}\n").params
+
+
+READ_PARAMS = [
+    "{say: '${a}'}",
+    "{say: 'Good ${a}'}",
+    "{wait: 1 s, if: a == 1}",
+    "{wait: 1 s, repeat: '${a}'}",
+    "{wait: 1 s, until: b > 1 and a > 1}",
+    "{for_each: {in: '[a, 2]', as: m, do: {say: '${m}'}}}",
+    "{switch: {on: a, cases: {1: {wait: 1 s}}, default: {wait: 2 s}}}",
+    "{set: {b: '${a}'}}",
+    "{parallel: [{say: Hi}, {wait: 1 s}], success_count: '${a}'}",
+]
+
+
+@pytest.mark.parametrize("declared", ["a: 1", "a: {type: number}"])
+@pytest.mark.parametrize("node", READ_PARAMS)
+def test_param_that_is_read_gets_no_hint(node: str, declared: str) -> None:
+    text = f"mission: m\nparams: {{{declared}, b: 2}}\ntree: {{sequence: [{{set: {{b: '${{b}}'}}}}, {node}]}}\n"
+    assert unread_param_hints(check(text)) == []
+
+
+@pytest.mark.parametrize("declared", ["a: 1", "a: {default: 1, help: how many}", "a: {type: number}"])
+def test_param_that_nothing_reads_gets_a_hint(declared: str) -> None:
+    tree = "tree: {sequence: [{say: a}, {set: {a: 1}}]}\nreturns: {b: b}\n"
+    text = f"mission: m\nparams:\n  b: 2\n  {declared}\n{tree}"
+    (hint,) = unread_param_hints(check(text))
+    assert (hint.mark.line, hint.mark.column) == (4, 3)
+    assert hint.message == "nothing reads the param 'a'"
+    assert hint.suggestion == "write ${a} where its value belongs, or remove it"
+
+
+def test_param_that_only_a_sub_mission_has_is_not_read(tmp_path: Path) -> None:
+    (tmp_path / "inner.yaml").write_text("mission: inner\nparams: {a: 1}\ntree: {wait: '${a * 1 s}'}\n")
+    outer = tmp_path / "outer.yaml"
+    outer.write_text("mission: outer\nparams: {a: 1}\ntree: {mission: inner}\n")
+    assert list(load_mission(str(outer)).unread_params) == ["a"]
+    outer.write_text("mission: outer\nparams: {a: 1}\ntree: {mission: inner, with: {a: '${a}'}}\n")
+    assert list(load_mission(str(outer)).unread_params) == []
+
+
+def test_shipped_missions_read_all_their_params() -> None:
+    assert {name: found for name in shipped_missions() if (found := load_mission(name).unread_params)} == {}
