@@ -14,16 +14,19 @@ from pathlib import Path
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf
+from config import yaml_nodes
 from config.cases import CommonKeys, ExpectKeys, JudgedSuiteKeys
 from config.controller import RuleBaseKeys
 from config.defaults import DefaultsKeys
+from config.diagnostics import MAX_DIAGNOSTICS
 from config.fleet import FleetKeys
 from config.gesture import GestureKeys
 from config.move import MoveKeys
 from config.object import ObjectKeys
 from config.robot import RobotKeys
-from config.units import EXAMPLES, UNITS
+from config.units import EXAMPLES, MAX_POWER, UNITS
 from config.world import WorldConfig
+from config.yaml_nodes import MAX_BYTES, MAX_NODES
 from docs import claims, dumps
 from drivers.api.gait import GaitKeys
 from drivers.table import BUILT_IN_DRIVERS
@@ -32,6 +35,8 @@ from missions.cli.option_declarations import DeclaredOption
 from missions.cli.run import command as run
 from missions.codec import message_fields
 from missions.control.messages import ERRORS, MESSAGES
+from missions.language import expressions, operators
+from missions.language.check_context import MAX_DEPTH, MAX_STEPS
 from missions.language.nodes import COMPOSITES, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.parallel_counts import COUNTS
@@ -65,6 +70,28 @@ def counts() -> str:
     """Return the table of the keys that count the children of a parallel."""
     rows = ((markdown_code(word), takes, text) for word, (takes, text) in COUNTS.items())
     return markdown_table(("word", "takes", "what it does"), rows)
+
+
+def mission_limits() -> str:
+    """Return the table of the limits of a mission."""
+    rows = (
+        ("steps, those of sub-missions counted each time", f"{MAX_STEPS:,}"),
+        ("depth of the tree, with modifiers and sub-missions", f"{MAX_DEPTH}"),
+        ("size of a file", f"{MAX_BYTES // 10**6} MB"),
+        ("values in a file, aliases counted each time", f"{MAX_NODES:,}"),
+        ("lists and mappings inside one another in a file", f"{yaml_nodes.MAX_DEPTH}"),
+        ("errors shown for one file", f"{MAX_DIAGNOSTICS}"),
+        ("an expression", f"{expressions.MAX_LENGTH:,} characters"),
+        ("parts of an expression inside one another", f"{expressions.MAX_NESTING}"),
+        ("a text that an expression makes", f"{operators.MAX_TEXT:,} characters"),
+        (
+            "a list that a mission makes",
+            f"{operators.MAX_MEMBERS:,} members, {operators.MAX_LIST_TEXT:,} characters of text",
+        ),
+        ("a whole number", f"{operators.MAX_NUMBER:,.0f}"),
+        ("the power of a unit, such as 2 of `m^2`", f"{MAX_POWER}"),
+    )
+    return markdown_table(("limit", "value"), rows)
 
 
 def units() -> str:
@@ -238,6 +265,7 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "composites": composites,
     "counts": counts,
     "modifiers": modifiers,
+    "mission_limits": mission_limits,
     "units": units,
     "state": state,
     "words": words,

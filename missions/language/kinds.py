@@ -121,6 +121,8 @@ def syntax_hint(text: str) -> str:
             return f"; write '{word}' for '{sign}'"
     if re.search(r"(?<![=!<>])=(?!=)", text):
         return "; compare with '=='"
+    if re.search(r"\?.*:", text):
+        return "; write 'A if CONDITION else B' for 'CONDITION ? A : B'"
     return "; write 'not' for '!'" if re.search("!(?!=)", text) else ""
 
 

@@ -197,6 +197,10 @@ def test_methods_and_missing_members_are_not_there(text: str) -> None:
         ("1 2", "'1 2' is not an expression"),
         ("count = 3", "'count = 3' is not an expression; compare with '=='"),
         ("a && b", "'a && b' is not an expression; write 'and' for '&&'"),
+        (
+            "a > 1 ? 2 : 3",
+            "'a > 1 ? 2 : 3' is not an expression; write 'A if CONDITION else B' for 'CONDITION ? A : B'",
+        ),
         ("a || b", "'a || b' is not an expression; write 'or' for '||'"),
         ("!a", "'!a' is not an expression; write 'not' for '!'"),
         ("${a} > ${b}", "'${a} > ${b}' is not an expression; write it without '${' and '}'"),

@@ -20,7 +20,7 @@ import pytest
 import yaml
 from py_trees import composites, decorators
 from py_trees.behaviour import Behaviour
-from py_trees.common import OneShotPolicy, Status
+from py_trees.common import OneShotPolicy, ParallelPolicy, Status
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import Leaf, argument
@@ -401,6 +401,82 @@ def test_a_hint_for_a_word_of_py_trees_leads_to_what_that_does(word: str) -> Non
         kids: list[object] = [leaf(name, each) for name, each in outcomes.items()]
         tree = follow(word, kids or [value], value)
         assert played(tree, condition) == expected, f"{word}: {flow(tree)} with {condition}"
+
+
+# --- side by side, as the page says -----------------------------------------------------------------------------------
+
+SIDE_BY_SIDE: dict[str, tuple[Tree, str, Callable[[list[Behaviour]], Behaviour]]] = {
+    "parallel": (
+        {"parallel": "abc"},
+        f"<Parallel>{ABC}</Parallel>",
+        lambda kids: composites.Parallel("x", ParallelPolicy.SuccessOnAll(synchronise=True), kids),
+    ),
+    "race": (
+        {"race": "abc"},
+        f'<Parallel success_count="1" failure_count="1">{ABC}</Parallel>',
+        lambda kids: composites.Parallel("x", ParallelPolicy.SuccessOnOne(), kids),
+    ),
+    "repeat": (
+        {"a": None, "repeat": 2},
+        '<Repeat num_cycles="2"><a/></Repeat>',
+        lambda kids: decorators.Repeat("x", kids[0], num_success=2),
+    ),
+    "retry": (
+        {"a": None, "retry": 2},
+        '<RetryUntilSuccessful num_attempts="2"><a/></RetryUntilSuccessful>',
+        lambda kids: decorators.Retry("x", kids[0], num_failures=2),
+    ),
+}
+"""Rows of the page's table: ours, BehaviorTree.CPP's and py_trees' word for one thing, with the leaves a, b and c."""
+
+
+def draw_row(word: str, seed: int) -> tuple[Tree, dict[str, str]]:
+    """Return our tree of a row with drawn outcomes, and the outcomes."""
+    ours, random = SIDE_BY_SIDE[word][0], Random(seed)  # noqa: S311 - as a test draws
+    outcomes = {name: "".join(random.choices("RSF", k=random.randint(1, 4))) for name in "abc"}
+    kids = [leaf(name, outcomes[name]) for name in "abc"]
+    return ({**kids[0], word: ours[word]} if "a" in ours else {word: kids}), outcomes
+
+
+def first_end(statuses: Sequence[str]) -> list[str]:
+    """Return the statuses of the ticks up to the first end."""
+    ended = next((place for place, status in enumerate(statuses) if status != "RUNNING"), len(statuses))
+    return list(statuses[: ended + 1])
+
+
+@needs_it
+@pytest.mark.parametrize("word", SIDE_BY_SIDE)
+def test_row_of_the_page_ends_as_in_behaviortree_cpp(word: str) -> None:
+    rows = [draw_row(word, seed) for seed in SEEDS]
+    body = re.sub(r"<([abc])/>", r'<Probe name="\1"/>', SIDE_BY_SIDE[word][1])
+    xml = f'<root BTCPP_format="4"><BehaviorTree ID="Main">{body}</BehaviorTree></root>'
+    requests = [{"xml": xml, "outcomes": outcomes, "ticks": 6 * TICKS} for _, outcomes in rows]
+    for (tree, _), expected in zip(rows, theirs(requests), strict=True):
+        assert story(played(tree, ticks=6 * TICKS)) == story(expected), flow(tree)
+
+
+@pytest.mark.parametrize("word", SIDE_BY_SIDE)
+def test_row_of_the_page_ends_as_in_py_trees(word: str) -> None:
+    mixed = 0
+    for seed in SEEDS:
+        tree, outcomes = draw_row(word, seed)
+        log: list[str] = []
+        root = SIDE_BY_SIDE[word][2]([Told(name, outcomes[name], log) for name in "abc"])
+        expected = []
+        for _ in range(TICKS):
+            log.clear()
+            root.tick_once()
+            expected.append(STATUS_WORDS[root.status].upper())
+            if root.status is not Status.RUNNING:
+                break
+        ends = {step[-1] for step in log} - {"R"}
+        if word == "race" and ends == {"S", "F"}:  # both in one tick: the page says what counts where
+            mixed += 1
+            assert expected[-1] == "FAILURE"
+            first = next(step[-1] for step in log if step[-1] != "R")
+            expected[-1] = "SUCCESS" if first == "S" else "FAILURE"
+        assert first_end([status for status, _ in played(tree)]) == first_end(expected), flow(tree)
+    assert (mixed > 0) == (word == "race")
 
 
 # --- as their pages say -----------------------------------------------------------------------------------------------
