@@ -228,7 +228,7 @@ def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
         ("name * 3", "'name * 3': cannot calculate with the text 'Anna'"),
         ("name % 3", "'name % 3': cannot calculate with the text 'Anna'"),
         ("name + 3", "'name + 3': cannot calculate with the text 'Anna'"),
-        ("names + names", "'names + names': cannot calculate with a list"),
+        ("names - names", "'names - names': cannot calculate with a list"),
         ("pair * 9", "'pair * 9': cannot calculate with a list"),
         ("-name", "'-name': cannot calculate with the text 'Anna'"),
         ("nothing + 1", "'nothing + 1': cannot calculate with nothing"),
