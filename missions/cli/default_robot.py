@@ -86,5 +86,5 @@ def _load_for_others(
 
 @cache
 def load_target(robot: Path) -> TargetRobot:
-    """Return the description of a robot for the checker, from the robot file ``robot``. Raises InvalidFileError."""
+    """Return the robot of the file ``robot`` as the mission checker describes it. Raises InvalidFileError."""
     return target_of(load_robot(robot))

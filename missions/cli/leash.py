@@ -61,7 +61,8 @@ def watch_outputs_each_tick(files: Iterable[TextIO], on_closed: Callable[[str], 
 def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
     """Run ``watch`` in a thread while the context is entered.
 
-    ``watch`` gets the file descriptor of a pipe that becomes readable when it must return, at the end of the context.
+    ``watch`` gets the file descriptor of a pipe. The pipe becomes readable at the end of the context; ``watch`` must
+    then return.
     """
     over, end = os.pipe()
     thread = Thread(target=watch, args=(over,), name=name, daemon=True)
@@ -77,7 +78,10 @@ def watcher_thread(name: str, watch: Callable[[int], None]) -> Iterator[None]:
 SERVER_GONE = "the server has gone"
 
 STOP_TIMEOUT = 5.0
-"""Seconds that a run has to stop after its server has ended; then it gets SIGTERM, which the watchdog handles too."""
+"""Seconds that a run has to stop after its server has ended.
+
+Then it gets SIGTERM, which ends it even if its main thread hangs.
+"""
 
 
 @contextmanager

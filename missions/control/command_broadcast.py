@@ -129,7 +129,7 @@ class CommandBroadcast:
                     self.early_requests[each.key] = each, thread
 
     def request(self, process: FoundProcess) -> None:
-        """Send the commands to one process, if it is wanted, and store the outcome."""
+        """Send the commands to a process, unless ``wanted_names`` excludes it; store the outcome."""
         if process.key in self.early_requests:
             early, thread = self.early_requests[process.key]
             thread.join()
@@ -171,9 +171,9 @@ class CommandBroadcast:
         self._handle_no_reply(process, failed, peer)
 
     def _request_over(self, process: FoundProcess, link: RunConnection) -> None:
-        """Send the commands over the connection ``link``, if the run is wanted; store the outcome.
+        """Send the commands over the connection ``link``, and store the outcome.
 
-        Raises OSError if the run does not reply.
+        This does nothing if ``_claim_run`` refuses the run. Raises OSError if the run does not reply.
         """
         run_info = link.run_info
         if not run_info and not self.is_stop:
@@ -190,7 +190,10 @@ class CommandBroadcast:
         self.replied_runs.add(process.run)
 
     def _claim_run(self, process: FoundProcess, link: RunConnection) -> bool:
-        """Return True if the run at ``link`` is wanted, and no other thread sends it the commands already."""
+        """Return whether the run at ``link`` is to get the commands from this thread.
+
+        It is not if ``wanted_names`` or ``is_wanted`` excludes it, or if another thread has claimed it already.
+        """
         run_info = link.run_info
         names = {process.run, str(run_info.get("run")), str(link.process), str(run_info.get("mission"))}
         if (self.wanted_names and names.isdisjoint(self.wanted_names)) or not self.is_wanted(run_info):

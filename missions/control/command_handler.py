@@ -160,7 +160,10 @@ WORLD_INTERVAL = 0.02
 """
 
 HALT_TIMEOUT = 5.0
-"""Seconds that a run has to end after the command `halt`; then SIGTERM follows, which its watchdog handles too."""
+"""Seconds that a run has to end after the command `halt`.
+
+Then it gets SIGTERM, which ends it even if its main thread hangs.
+"""
 
 UNKNOWN_USER = "an unknown user"
 

@@ -77,10 +77,11 @@ class Pilot:
             self._base.enable()
 
     def steer(self, drive_input: DriveInput | None) -> None:
-        """Drive by ``drive_input`` until the next call, which is due within ``COMMAND_TIMEOUT``.
+        """Drive by ``drive_input`` until the next call, which must come within 0.3 s.
 
-        None stops the base and ends manual control: the base stands until this command has expired, then the mission
-        controls it again. If the base reconnects while a key is held, the input is ignored until None is passed once.
+        After this time (``drivers.api.steering.COMMAND_TIMEOUT``) the base stops by itself. None stops the base and
+        ends manual control: the base stands until this command has expired, then the mission controls it again. If the
+        base reconnects while a key is held, the input is ignored until None is passed once.
         """
         before, self._reconnected_at = self._reconnected_at, self._base.health().reconnected_at
         self._is_stale = drive_input is not None and (self._is_stale or self._reconnected_at != before)

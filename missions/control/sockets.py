@@ -199,7 +199,7 @@ def peer_credentials(connection: socket.socket) -> tuple[int, int]:
 class RunConnection:
     """Blocking connection to a run, for ``mission stop``; ``run_info`` is the first message of the run.
 
-    ``process`` and ``uid`` belong to the peer.
+    ``process`` and ``uid`` are the number and the user id of the process at the other end.
     """
 
     connection: socket.socket

@@ -157,7 +157,7 @@ class WheelArbiter:
             self._hand_to(next(iter(self._names), None))
 
     def drive(self, client: object, command: DriveCommand) -> None:
-        """Drive for ``COMMAND_TIMEOUT``, at most until ``ends_at``. Raises BadMessage."""
+        """Drive for 0.3 s (``drivers.api.steering.COMMAND_TIMEOUT``), at most until ``ends_at``. Raises BadMessage."""
         pilot, base, _ = self._require_control(client, command)
         still = command.ahead == 0 and command.left == 0
         self._handle(WheelEvent.LET_GO if still else WheelEvent.PUSH)

@@ -436,7 +436,8 @@ class Executive:
     def replay_tick(self, record: TickRecord) -> None:
         """Repeat the decisions of a recorded snapshot.
 
-        The caller must make the clock of the run return the time of the record, and the parts its ``answers``.
+        Before the call, the clock of the run must be set to the time of ``record``, and the parts of the robot must be
+        proxies that return its ``answers``.
         """
         self.run.tick = record.tick
         if record.overheld is not None:

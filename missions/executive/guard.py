@@ -119,7 +119,7 @@ class BaseGuard:
         return self._check_battery(state)
 
     def has_changed(self) -> bool:
-        """Return True if the base has changed since the last call of ``check``."""
+        """Return True if latch, contacts, hazards, buttons or charging have changed since ``check``."""
         reading = self._base.state()
         state = reading.value
         if self._base.latched != self._latched:

@@ -181,7 +181,10 @@ class BoundCondition:
 
 
 def unmeasured_reason(condition: Value, scope: Mapping[str, object]) -> str:
-    """Return the reason if a condition uses a position from dead reckoning; empty otherwise. Raises SensorSilent."""
+    """Return why ``condition`` fails: it uses a position from dead reckoning; empty if it uses none.
+
+    Raises SensorSilent.
+    """
     reads = () if condition.template is None else condition.template.reads
     values = ((read.dotted, state_value(read.name, read.member)) for read in reads)
     place = next((name for name, value in values if value is not None and value.is_dead_reckoned), "")

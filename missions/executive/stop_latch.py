@@ -36,7 +36,7 @@ class StopLatch:
         self._devices, self._parts, self._base, self._safe_stop = devices, parts, base, safe_stop
         self.hold, self._permit_first = hold, permit_first
         self.reason = ""
-        """Source of the stop, as text; empty if released."""
+        """Text "stopped by NAME" with the person, command or device that stopped; empty if released."""
         self.stop_count = 0
         """Number of stops so far."""
         self._presses: deque[str] = deque(maxlen=MAX_KEPT_PRESSES)  # newest presses

@@ -457,7 +457,7 @@ UNSET_HINT = "set it before, such as set: {{{0}: null}}, and test it here with i
 
 
 def check_assignments(context: CheckContext, tree: Step) -> None:
-    """Report each variable that is read where no earlier step, or not every path, has set it."""
+    """Report each variable that is read although no earlier step has set it, or not on every path."""
     before = len(context.faults)
     _check_order(context, tree, set(context.params) | (context.variables - tree.variables))
     if len(context.faults) > before:
@@ -474,7 +474,10 @@ def _format_events(events: Sequence[str]) -> str:
 
 
 def _check_order(context: CheckContext, step: Step, known: set[str]) -> None:
-    """Check ``step``, before which the ``known`` variables can be set; add the ones that it can set."""
+    """Check the variables that ``step`` reads; ``known`` are those that can be set before it.
+
+    The variables that ``step`` can set are added to ``known``.
+    """
     if step.kind in REPEATING_KINDS:
         known |= step.variables
     for value in step.arguments.values():

@@ -119,7 +119,7 @@ def check_loop_names(context: CheckContext, tree: Step) -> None:
 def _parallel_conflicts(children: Sequence[Step]) -> Iterator[tuple[Step, str, Iterator[Step]]]:
     """Yield each child of a parallel with each variable that it sets and another child's for_each uses.
 
-    The third item are the for_each steps of the other children.
+    The third item yields these for_each steps.
     """
     setters = Counter(name for child in children for name in child.variables)
     shared = {name for name, count in setters.items() if count > 1}

@@ -132,7 +132,7 @@ PERCENT = "percent"
 """Kind of a value such as ``battery.percent``: a plain number from 0 to 100, not a share from 0 to 1."""
 
 UNSETTLED = "unsettled"
-"""Kind of a value that has an error or depends on its own kind; it is not checked."""
+"""Kind (static type) of a value that has an error, or whose type depends on itself; it is not checked."""
 
 
 @dataclass(frozen=True, slots=True)

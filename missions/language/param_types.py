@@ -137,7 +137,7 @@ class ParamType:
         return INVALID_DEFAULT if found is INVALID_VALUE else found.constant
 
     def read_value(self, context: CheckContext, node: Node, label: str) -> Value:
-        """Read a value in a mission; ``label`` begins an error message."""
+        """Return the value of a param from a node of a mission; ``label`` begins an error message."""
         if isinstance(node, Scalar):
             return context.read_value(
                 replace(node, value=self.scalar_value(node)),
@@ -424,7 +424,7 @@ class Param:
 
     @property
     def kind(self) -> str:
-        """The word for the type of the param."""
+        """Word for the type of the param, such as "text"."""
         return self.type.kind
 
     @property

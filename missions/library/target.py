@@ -12,7 +12,7 @@ from missions.language.claims import TargetRobot
 
 
 def target_of(robot: RobotConfig) -> TargetRobot:
-    """Return the robot description for the checker, from a robot file."""
+    """Return the robot of a robot file as the mission checker describes it."""
     keys = {part: section.keys for part, section in robot.sections.items()}
     reaches = {part: JointRanges(it.limits, it.groups) for part, it in keys.items() if isinstance(it, ArmKeys)}
     necks = {joint: part for part, it in keys.items() if isinstance(it, HeadKeys) for joint in it.led_joints}
@@ -28,7 +28,7 @@ def target_of(robot: RobotConfig) -> TargetRobot:
 
 
 def target_of_parts(robot: Robot) -> TargetRobot:
-    """Return the robot description for the checker, from a connected robot."""
+    """Return a connected robot as the mission checker describes it."""
     others = {name: other.kind for name, other in robot.extra_parts.items()}
     arms = {"arm": robot} if robot.arm_part is not None else {}
     arms |= {name: robot.with_named_parts({kind: name}) for name, kind in others.items() if kind == "arm"}

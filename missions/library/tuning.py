@@ -23,7 +23,7 @@ TOLERANCE = radians(0.001)
 
 
 def file_values(robot: RobotConfig) -> dict[str, tuple[float, str]]:
-    """Return the values in a robot file, with their dimensions."""
+    """Return the tunable values in a robot file by name, each with its dimension."""
     return {
         f"{part}.{name}": (value, dimension)
         for part, section in robot.sections.items()

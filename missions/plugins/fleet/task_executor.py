@@ -54,7 +54,7 @@ class AssignmentQueue(TaskQueue):
     """The robot's own queue, with a table of the tasks accepted from the fleet."""
 
     def accept(self, request: AcceptTask, robot: str, options: tuple[str, ...], now: float) -> None:
-        """Add an accepted fleet task to the queue; it begins only after ``approve``.
+        """Add an accepted fleet task to the queue; it begins only after ``approve`` is called.
 
         Raises sqlite3.IntegrityError if this task is already accepted.
         """

@@ -1,4 +1,7 @@
-"""Plots and films of gaits: soles, pelvis and centre of mass over a cycle, joints with limits. Needs ``plots``."""
+"""Plots and films of gaits: soles, pelvis and centre of mass over a cycle, joints with limits.
+
+Needs the extra ``plots``.
+"""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path

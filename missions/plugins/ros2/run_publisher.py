@@ -139,7 +139,7 @@ class RunPublisher:
         _publish_json(node, VARIABLES_TOPIC, self._variables)
 
     def _update_state(self, event: Event) -> None:
-        """Update the state of the run, as it is published, with the data of an event."""
+        """Update the status of the nodes and the values of the variables, as they will be published, from an event."""
         self._changed = self._changed or isinstance(event, NodeChanged | VariableSet | Ended | Started)
         match event:
             case Started():

@@ -140,7 +140,7 @@ def _param() -> Schema:
 
 
 def _properties() -> Schema:
-    """Return the schema of the ``properties`` of a mission: a list in which each has one key and a text."""
+    """Return the schema of the ``properties`` of a mission: a list of mappings with one key, whose value is a text."""
     kinds = {
         word: {"description": sentence(text), "type": "string", "pattern": pattern}
         for word, (text, pattern) in PROPERTIES.items()

@@ -117,7 +117,7 @@ def tools(drawing: TreeDrawing) -> Markup:
 
 
 def toolbar(*buttons: str) -> Markup:
-    """Return a bar with the search, these buttons, and the zoom."""
+    """Return a bar with the search field, the ``buttons``, and the zoom."""
     finder = tag(
         "span",
         start_tag("input", type="search", aria_label="Search nodes", placeholder="Search  /", autocomplete="off"),

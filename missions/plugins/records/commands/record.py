@@ -101,7 +101,7 @@ def _row(entry_facts: Mapping[str, Any]) -> tuple[str, ...]:
 def info(path: Path) -> None:
     """Show the contents of a record.
 
-    Prints mission, result, topics, files, losses, and the next commands.
+    Prints mission, result, topics, files, losses, and commands to type next.
     """
     with _report_errors():
         for line in record_lines(open_record(path)):

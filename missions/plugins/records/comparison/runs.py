@@ -144,7 +144,7 @@ def _find_first_difference(
 ) -> FirstDifference | None:
     """Return the first status change that differs between two runs.
 
-    If several changes differ in the same tick, it is the most likely cause of the others.
+    If several changes differ in the same tick, the most likely cause of the others is returned.
     """
     order = {key: number for number, key in enumerate(places)}
     a, b = _changes_by_node(one), _changes_by_node(other)

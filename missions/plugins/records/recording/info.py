@@ -1,4 +1,4 @@
-"""Text of ``mission record info``: the facts of a record, its topics, its files, and the next commands."""
+"""Text of ``mission record info``: facts, topics and files of a record, and commands that the user can type next."""
 
 import shlex
 import sys
@@ -37,7 +37,7 @@ def count_messages(record: RunRecord) -> MessageCounts:
 
 
 def record_lines(record: RunRecord) -> Iterator[str]:
-    """Yield the lines about a record. Raises InvalidRecordError, OSError."""
+    """Yield the output of ``mission record info``, line by line. Raises InvalidRecordError, OSError."""
     found = count_messages(record)
     for name, text in _facts(record, found):
         yield f"{name:<{LABEL_WIDTH}}{text}".rstrip()

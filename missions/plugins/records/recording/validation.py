@@ -13,7 +13,7 @@ MAX_SECONDS = 1e9
 
 
 class InvalidRecordError(InvalidInputError):
-    """A file that is not a record, or cannot be read; the message has the reason and the next command."""
+    """A file that is not a record, or cannot be read; the message has the reason and often a command to try."""
 
 
 @contextmanager

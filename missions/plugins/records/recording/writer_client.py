@@ -76,7 +76,7 @@ TRANSITIONS: Final = {
 }
 
 POLL_INTERVAL = 0.1
-"""Seconds between two checks for ``abandon`` while the pipe to the writer process is full."""
+"""Seconds between two checks whether ``abandon`` was called, while the pipe to the writer process is full."""
 
 PIPE_BYTES = 1 << 20
 """Requested capacity in bytes of the pipe to the writer process: more than a picture."""
@@ -85,7 +85,7 @@ _READ_BYTES = 1 << 16
 
 
 class CannotRecordError(RuntimeError):
-    """A record cannot be started: the message has the reason, ``hint`` the next command."""
+    """A record cannot be started: the message has the reason, ``hint`` the command to try."""
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         super().__init__(message)

@@ -84,7 +84,10 @@ def chart_figure(chart: Chart, slider: SliderTimes) -> Markup:
 
 
 def route_figure(route: BaseRoute) -> Markup:
-    """Return the path of the base from above, with the initial heading up. The script moves ``.robot`` along it."""
+    """Return a figure with the path of the base from above; the initial heading points up.
+
+    The script of the page moves the element ``.robot`` along the path.
+    """
     points = [(-y, -x) for x, y, _ in route.poses]
     left, right, top, bottom = _bounding_box(points)
     size = max(right - left, bottom - top)

@@ -114,7 +114,7 @@ def summarise_sightings(views: Views) -> list[SightingSummary]:
 
 
 def _merge_by_name(sightings: Iterable[SightingSummary]) -> list[SightingSummary]:
-    """Return the summaries, with all those of the same name merged into one; ``count`` becomes their number."""
+    """Return one summary for each name; its ``count`` is the number of summaries merged into it."""
     named: dict[str, SightingSummary] = {}
     for each in sightings:
         before = named.get(each.name)
