@@ -25,9 +25,9 @@ RIGHT_BEAMS = DockBeam.NEAR_RIGHT | DockBeam.FAR_RIGHT
 NEAR_BEAMS = DockBeam.NEAR_LEFT | DockBeam.NEAR_CENTRE | DockBeam.NEAR_RIGHT
 
 BEAM_HOLD_TIME = 0.3
-"""Seconds for which a beam of the dock still counts as received after the last report of it; some reports miss a beam.
+"""Seconds for which a beam of the dock still counts as received after the last report of it.
 
-(The vendor's docking combines 20 reports.)
+Some reports miss a beam; for this reason the vendor's own docking program combines the last 20 reports.
 """
 
 BEAM_TIMEOUT = 1.0
@@ -107,9 +107,9 @@ class Homing:
 
     ``side`` is the direction of turns and crossings, 1 for left, and ``course`` the heading to keep. During the search,
     the centre receiver received ``beams`` at headings from ``first_heading`` to ``last_heading``. ``centre_heard_at``
-    is the time at which it last received a beam, ``beam_heard_at`` the last time for any receiver. ``astray_since`` is
-    when the base left the middle sector of the beams. ``near`` is set after the base has aimed from close by.
-    ``failure`` is the reason if homing has failed.
+    is the time at which the centre receiver last received a beam, ``beam_heard_at`` the last time for any receiver.
+    ``astray_since`` is when the base left the middle sector of the beams. ``near`` is set after the base has aimed at
+    the dock from close by. ``failure`` is the reason if homing has failed.
     """
 
     origin: Pose2D

@@ -12,7 +12,10 @@ from drivers.errors import NotConnected
 IDLE = Status.INVALID
 
 UNPAUSED_PARTS = frozenset({"base", "voice", "screen"})
-"""Parts that need no stop when their leaf is not ticked: a base stops by itself after COMMAND_TIMEOUT."""
+"""Parts that are not stopped when their leaf is not ticked for a while.
+
+A base stops by itself after COMMAND_TIMEOUT. A voice finishes its text, and a screen keeps its content.
+"""
 
 TIME_TOLERANCE = 1e-6
 """Tolerance in seconds for rounding errors when tick periods are added up."""
@@ -22,7 +25,7 @@ AT_REST, STARTING, WORKING, HALTING = range(4)
 
 
 class HaltableNode(Node):
-    """Part of ``behaviours.leaf.Leaf`` that halts a leaf: waits for its end, or stops its actuators."""
+    """Base class of ``behaviours.leaf.Leaf`` that halts a leaf: waits for its end, or stops its actuators."""
 
     drives: ClassVar[frozenset[str]] = frozenset()
     halt_limit: ClassVar[float] = 1.0

@@ -55,7 +55,10 @@ class PerceptLeaf(Leaf, Generic[P]):
         return next(iter(self.fresh_percepts(since=since)), None)
 
     def absence_reason(self, so_far: str = "") -> str:
-        """Return the reason of a failed search: ``so_far``, "no ... in view", or that the camera sends no pictures."""
+        """Return the reason of a failed search: "no pictures from the camera" if it has sent none recently.
+
+        Otherwise return ``so_far``, or "no face in view" with the leaf's ``noun``.
+        """
         looked = self.robot.sight.looked()
         blind = looked is None or self.run.now() - looked > PICTURE_TIMEOUT
         return "no pictures from the camera" if blind else so_far or f"no {self.noun} in view"

@@ -84,7 +84,7 @@ class Condition(Protocol):
 
 
 MIN_SIMILARITY = 0.75
-"""Minimum similarity (0..1) for "did you mean". It is high because a wrong joint would move."""
+"""Minimum similarity (0..1) of two joint names for "did you mean". It is high because a wrong joint would move."""
 
 LIMIT_TOLERANCE = 1e-6
 """Radians by which an angle may exceed a limit, since values in degrees are rounded."""

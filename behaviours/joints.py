@@ -151,7 +151,10 @@ class JointMoving(_AnyJoint):
 
 
 CONFIRMATION_TIMEOUT = 2.0
-"""Seconds within which joints must report the new torque state: several rounds, even of the slow registers."""
+"""Seconds within which joints must report the new torque state.
+
+It is enough to read even slowly polled registers several times.
+"""
 
 RESEND_INTERVAL = 0.5
 """Seconds after which a torque command is sent again, since a servo loses it when it is disconnected for a moment."""

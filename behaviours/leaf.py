@@ -175,7 +175,7 @@ class Leaf(HaltableNode):
     def joint_violations(self, _reach: JointRanges, /) -> list[str]:
         """Return an error text for each argument that the robot's joints cannot fulfil; empty by default.
 
-        The checker calls it if the robot is known. The argument has the joints with their limits.
+        The checker calls it if the robot is known. ``_reach`` has the robot's joints with their limits.
         """
         return []
 
@@ -222,7 +222,10 @@ class Leaf(HaltableNode):
         self.run.active_leaf = before
 
     def halt(self) -> bool:
-        """Terminate the leaf if it runs, then wait up to ``halt_limit`` seconds for ``halting`` to be False."""
+        """Terminate the leaf if it runs; return whether it is at rest.
+
+        While ``halting`` is True, it needs more ticks, but at most ``halt_limit`` seconds.
+        """
         if self.status is not RUNNING:
             return True
         if self._leaf_stage != AT_REST and not self._come_to_rest():

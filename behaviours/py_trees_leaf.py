@@ -96,7 +96,7 @@ class WrappedInstance(PyTreesLeaf):
 
 
 class WrappedClass(PyTreesLeaf):
-    """Leaf that creates its behaviour from a class, with the arguments of the mission."""
+    """Leaf that creates its py_trees behaviour from a class, with the arguments that the mission gives."""
 
     make: ClassVar[Callable[..., Behaviour]]
     takes_name: ClassVar[bool] = False

@@ -100,9 +100,9 @@ class Scan(Leaf):
         self._arrived_at = None
 
     def _has_passed(self, *, sent: bool, arrived: bool) -> bool:
-        """Return True if a smooth scan goes on to its next target, as soon as the present one was ``sent`` to the head.
+        """Return True if a smooth scan, which does not stop at its poses, may send its next target.
 
-        At the last target it goes on only if the head has ``arrived``.
+        It may do so as soon as the present target was ``sent``; at the last target the head must have ``arrived``.
         """
         return arrived if self._next_target[1] is None else sent
 

@@ -35,7 +35,10 @@ NO_PROGRESS_TIMEOUT = 30.0
 """Seconds for which a base under a ROS 2 action may stand still. Nav2 itself gives up after 10 s."""
 
 UNHINDERED_REASONS = ("", "limited")
-"""Values of ``Steering.reason`` that never slow down the ``MotionClock``, even while the base drives slowly."""
+"""Values of ``Steering.reason`` that mean that nothing hinders the base: no limit, or only its own limits.
+
+With these, the ``MotionClock`` counts all time, even while the base drives slowly.
+"""
 
 
 def seconds_for(distance: float, speed: float, limit: float, acceleration: float) -> float:
@@ -132,7 +135,10 @@ RANGE_GUARD_TIMEOUT = 5.0
 """Seconds to wait while the range guard stops the base, since people in the way usually walk on."""
 
 SETTLING_TIMEOUT = 4.0
-"""Seconds to wait until the base's driver has estimated the gyro's drift, slightly longer than a driver's timeout."""
+"""Seconds to wait until the base's driver has estimated the gyro's drift.
+
+It is slightly longer than the driver's own timeout for the estimate.
+"""
 
 STANDSTILL_SPEED = 0.01
 """Speed (m/s or rad/s) below which the base stands still."""

@@ -109,7 +109,7 @@ class AsyncRunLink:
     def is_connected_to(self, found: FoundProcess) -> bool:
         """Return whether this connection leads to the run ``found``.
 
-        That also holds for a run in a container that was found from outside.
+        It is also True if the run is in a container, and ``found`` describes it as seen from outside the container.
         """
         is_known = self.identity is not None and self.identity in (found.identity, found.local_identity)
         return is_known or self.where in found.addresses
@@ -204,10 +204,16 @@ class AsyncRunLink:
 
 
 PICTURE_PATTERN = re.compile(rb'\{"say":"picture","run":"[^"]*","t":(-?[\d.e+-]+)')
-"""Beginning of a picture message, with its time; the rest is forwarded unparsed."""
+"""Pattern of the beginning of a picture message, with the picture's time.
+
+The rest of the message is forwarded without being parsed.
+"""
 
 Connect = Callable[[OnLine, Callable[[], None]], Awaitable[AsyncRunLink]]
-"""Connects to a run, given callbacks for its lines and for its end. Raises OSError, ValueError."""
+"""Function that connects to a run, given callbacks for the run's lines and for the end of the connection.
+
+It raises OSError or ValueError.
+"""
 
 SCENE_TIMEOUT = 10.0
 """Seconds within which a run must send its complete state to a client that begins to watch it."""

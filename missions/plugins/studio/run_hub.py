@@ -274,7 +274,10 @@ class RunHub:
         return self._links[run].about
 
     async def ask(self, run: str, command: Mapping[str, object]) -> Mapping[str, Any]:
-        """Return a run's result of a command. Raises BadMessage if the run does not exist or does not answer."""
+        """Send a command to a run, and return the run's answer.
+
+        Raises BadMessage if the run does not exist or does not answer.
+        """
         self.about_run(run)
         try:
             answer = await self._links[run].request(command)

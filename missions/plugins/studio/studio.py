@@ -102,7 +102,7 @@ def decode_picture(command: ShowPerson) -> bytes:
 
 
 async def _take_pictures(watching: RunFeed) -> list[bytes]:
-    """Take pictures with the camera of a run. Raises BadMessage if the run has no camera."""
+    """Return pictures, as JPEG, taken with the camera of a run. Raises BadMessage if the run has no camera."""
     hearer, taken, last = FeedClient(watching), list[bytes](), -PERSON_PICTURE_INTERVAL
     try:
         async with asyncio.timeout(PERSON_TIMEOUT):

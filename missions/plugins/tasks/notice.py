@@ -58,7 +58,10 @@ Channel = Callable[[Notice], None]
 
 
 def ended_notice(task: Task, how: How, state: State, reason: str, now: float) -> Notice:
-    """Return the notice of the end ``how`` of an attempt; ``state`` is the state of the task afterwards."""
+    """Return the notice that an attempt at a task has ended; ``how`` is the kind of end.
+
+    ``state`` is the state of the task afterwards.
+    """
     because, name = f": {reason}" if reason else "", f"{task.name} (task {task.id})"
     match state:
         case "waiting" if how == "interrupted":
@@ -113,7 +116,7 @@ RULES = Rules()
 
 
 def check_texts(new: NewTask) -> None:
-    """Raise TaskError for texts that are not valid UTF-8."""
+    """Raise TaskError if a text of the new task is not valid UTF-8, since the database could not store it."""
     for text in (new.mission, new.robot, *new.options, *new.params, *new.params.values()):
         try:
             text.encode()

@@ -177,13 +177,16 @@ _READY = "(not_before <= ?1 OR not_before > ?1 + ?2)"
 """SQL condition: a task's pause between attempts is over, or the clock was set back. ?1 is the time, ?2 the pause."""
 
 _MISSED = "(late IS NOT NULL AND attempts = 0 AND ?1 > max(due, added) + late)"
-"""SQL condition of missed tasks, with the time as ?1; the same as ``_is_too_late``."""
+"""SQL condition of tasks that were missed, with the present time as ?1.
+
+The function ``_is_too_late`` tests the same condition on a task.
+"""
 
 DOWN_REASON = "the computer or the server went down"
 """Reason that is stored for an attempt without an end, which a server finds when it starts."""
 
 Channels = Callable[[Task], Sequence[str]]
-"""Returns the encoded notice channels of a task."""
+"""Function that returns the notice channels of a task as encoded texts."""
 
 
 class TaskQueue:

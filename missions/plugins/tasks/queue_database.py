@@ -179,9 +179,10 @@ def queue_file(folder: Path) -> Path:
 
 
 def open_db(path: Path, *, any_thread: bool = False) -> sqlite3.Connection:
-    """Open the database, creating it for its owner only; for the thread that opens it.
+    """Open the database of the queue; if it is missing, create it, readable for its owner only.
 
-    With ``any_thread``, other threads may use it, one at a time.
+    The connection may be used only on the thread that opens it; with ``any_thread``, on any thread, but only one at a
+    time.
 
     Raises TaskError for a folder that cannot hold it, and for a file that is damaged, empty, no queue, or of another
     version.

@@ -59,7 +59,7 @@ class ProcessOutput:
 
 
 Stopping = Callable[[], bool]
-"""Returns whether the task is to be stopped; called a few times a second."""
+"""Function that returns whether the task is to be stopped; it is called a few times a second."""
 
 Say = Callable[[str], None]
 
@@ -217,7 +217,10 @@ class _RunOutput:
 
 @contextmanager
 def _make_leash() -> Iterator[int]:
-    """Yield the reading end of a pipe. Its writing end closes with this process or with this context."""
+    """Yield the leash of a child: the reading end of a pipe whose writing end closes with this process.
+
+    The writing end also closes at the end of the context.
+    """
     reading, writing = os.pipe()
     try:
         yield reading

@@ -98,9 +98,9 @@ class NewTask:
 class Task(NewTask):
     """A task in the queue. ``reason`` explains its state; ``cancelling`` means that it is to be stopped.
 
-    ``attempts`` counts all attempts; ``failures`` and ``interruptions`` count those that use up the retries of the
-    policy. ``not_before`` is the end of the pause before the next attempt. ``series`` is the first task of a
-    repetition.
+    ``attempts`` counts all attempts. ``failures`` and ``interruptions`` count only the attempts that use up the retries
+    of the task's policy. ``not_before`` is the end of the pause before the next attempt. ``series`` is the number of
+    the first task of a repetition.
     """
 
     id: int

@@ -96,9 +96,10 @@ ANSWER_TIMEOUT = 60.0
 """Seconds after which a query to the terminal counts as lost."""
 
 FIRST_ANSWER_TIMEOUT = 12.0
-"""Seconds after which a local terminal without any answer is assumed never to answer; keys then drive without one.
+"""Seconds after which a local terminal that has answered no query is assumed never to answer.
 
-Longer than the round trip of the slowest line, 5 s each way.
+Its keys then drive although the delay is unknown. The time is longer than the round trip of the slowest line, 5 s each
+way.
 """
 
 FIRST_ROW = 2

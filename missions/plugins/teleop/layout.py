@@ -284,7 +284,10 @@ def find_layout(path: str, model: PadModel | None, saved: Mapping[str, PadLayout
 
 
 class PadState:
-    """State of a game pad: whether ``hold`` is pressed, and the stick's position. ``ranges`` are its axes' ranges."""
+    """State of a game pad: whether the control ``hold`` of its layout is pressed, and the position of the stick.
+
+    ``ranges`` are the ranges of its axes.
+    """
 
     def __init__(self, layout: PadLayout, ranges: Mapping[int, AxisRange], dead_zone: float) -> None:
         self.layout = layout

@@ -8,7 +8,7 @@ from missions.request import WHERE, RunOptions, RunRequest
 
 @dataclass(frozen=True, kw_only=True)
 class PadOptions(RunOptions):
-    """Game pad that may drive the base during a mission."""
+    """Option ``--pad``, which lets a game pad drive the base during a mission."""
 
     pad: str | None = option(
         "Let a game pad drive the base while you hold its left shoulder button: the first one, or this device.",

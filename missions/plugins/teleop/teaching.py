@@ -60,7 +60,7 @@ class PadEventSource(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Movement:
-    """Changes of a game pad from one moment at rest to the next: pressed ``buttons``, and moved axes."""
+    """Controls that a person has used between two moments without motion: pressed ``buttons``, and moved ``axes``."""
 
     buttons: tuple[int, ...]
     axes: Mapping[int, tuple[int, int, float]]  # rest, farthest value, share of the span between them

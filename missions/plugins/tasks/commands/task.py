@@ -84,7 +84,7 @@ def clock_text(time: float) -> str:
 
 
 DEFAULT_LATE_LIMIT = 3600.0
-"""Default for `--late` of a task with a time, in seconds."""
+"""Default of `--late`: seconds after its time within which a task must begin; after that, it is missed."""
 
 POLICIES: Mapping[str, Interrupted] = {"": "retry", "retry": "retry", "give_up": "give-up"}
 """Interruption policy of a task, by the value of `if_interrupted` in its mission; empty if the mission has none."""
@@ -218,7 +218,7 @@ def add(
 
 
 def _is_served() -> bool | None:
-    """Return whether a server is running; None, after a warning, if that is unknown."""
+    """Return whether a task server runs; None, after a warning, if that is unknown."""
     try:
         return is_locked(server_lock(state_folder()))
     except OSError as error:

@@ -15,7 +15,7 @@ TIMEOUT = 30.0
 """Maximum run time of the user's program for one notice, in seconds."""
 
 POLL_INTERVAL = 0.05
-"""Seconds between two checks whether the program has ended."""
+"""Seconds between two checks whether the user's program has ended."""
 
 MAX_ERROR_BYTES = 200
 """Maximum bytes of the user's program's standard error that an error message quotes."""

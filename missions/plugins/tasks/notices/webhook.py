@@ -114,7 +114,7 @@ class WebhookChannel:
 
 
 class _NoRedirect(HTTPRedirectHandler):
-    """Opener for requests that treats each redirection as an error."""
+    """Handler for ``urllib`` that treats each redirection as an error."""
 
     def redirect_request(self, *_: object, **__: object) -> None: ...
 
