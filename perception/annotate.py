@@ -1,4 +1,4 @@
-"""Drawing of detections onto a picture, for people."""
+"""Drawing of detections into a picture, as frames with labels, for display."""
 
 from collections.abc import Iterable
 from math import isnan

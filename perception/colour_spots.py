@@ -101,10 +101,13 @@ MIN_PALE_SHARE = 0.05
 """Smallest share of pale pixels in a picture from which the colour of the light is estimated."""
 
 GAIN_LIMITS = (0.6, 1.7)
-"""Limits of a channel's gain in white balance; beyond them the scene itself has one colour, and not the light."""
+"""Limits of a channel's gain in white balance.
+
+A picture that needs more is taken to show a scene of one colour, not a coloured light.
+"""
 
 MIN_CHROMA = 9
-"""Smallest difference (0..255) between a pixel's strongest and weakest channel at which it has a hue, and not noise."""
+"""Smallest difference (0..255) between a pixel's strongest and weakest channel at which its hue is not just noise."""
 
 
 def balance_white(picture: Image) -> Image:
@@ -247,7 +250,10 @@ def _smooth(image: Image, scale: float) -> Image:
 
 
 def _find_contours(labels: Labels, number: int) -> Iterator[Contour]:
-    """Yield the contours of all spots labelled ``number`` that may be balls or boxes, except spots at the rim."""
+    """Yield the contours of all spots with colour ``number`` that may be balls or boxes.
+
+    Spots that touch the edge of the picture are left out, since a part of them is not visible.
+    """
     mask = np.equal(labels, number).view(np.uint8)
     mask = np.asarray(cv2.morphologyEx(mask, cv2.MORPH_OPEN, _BRUSH), np.uint8)
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)

@@ -36,7 +36,10 @@ The camera counts as turning if the poses recorded at these three delays before 
 """
 
 MAX_PAIR_INTERVAL = 0.3
-"""Largest time in seconds between the two pictures of a pair; after a longer time they show too little in common."""
+"""Largest time in seconds between the two pictures of a pair.
+
+After a longer time, the pictures show too little of the same background.
+"""
 
 GRID_MARGIN = 0.02
 """Margin in seconds at the start of ``GRID``: an estimated delay within this margin is not used.
@@ -67,10 +70,16 @@ Early estimates rest on few pairs, and a delay that wanders makes targets seem t
 """
 
 MAX_KNOWN_SPREAD = 0.005
-"""Uncertainty of the camera delay below which it is only checked again now and then: seconds, one sigma."""
+"""Largest uncertainty of a camera delay that is known well enough: seconds, one sigma.
+
+Learning then pauses, and the delay is only checked every ``MAX_REST`` seconds.
+"""
 
 MAX_STEADY_JITTER = 0.005
-"""Jitter of time stamps below which the camera delay is only checked again now and then: seconds, one sigma."""
+"""Largest jitter of time stamps, in seconds, at which the camera delay may be known well enough.
+
+Learning then pauses, and the delay is only checked every ``MAX_REST`` seconds.
+"""
 
 MIN_CHECKED_PAIRS = 20
 """Number of pairs of pictures that must confirm the camera delay before learning pauses for ``MAX_REST``."""
@@ -88,7 +97,7 @@ A delay that has changed shows first at the start of a turn.
 """
 
 SUSPICION_ODDS = 20 * CHANGE_ODDS
-"""Odds of a changed delay above which the delay is suspected, so that learning goes on."""
+"""Odds of a changed delay above which the known delay may be wrong, so that learning goes on."""
 
 MAX_REST = 8.0
 """Seconds for which learning of the camera delay pauses once the delay is known and confirmed."""

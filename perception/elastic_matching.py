@@ -64,7 +64,7 @@ STRANGER_MEAN, STRANGER_DEVIATION = 0.522, 0.0085
 """Prior mean score of looks at strangers, and their standard deviation."""
 
 PRIOR_LOOKS = 20
-"""Weight of the prior on strangers: it counts as much as this number of comparisons in the gallery."""
+"""Weight of the prior assumptions on the scores of strangers, as a number of comparisons within the gallery."""
 
 THRESHOLD_DEVIATIONS, EXTRA_DEVIATIONS = 2.33, 2.0
 """Standard deviations of the threshold above the mean of strangers, and extra ones divided by the number of people.

@@ -20,7 +20,7 @@ REST_AFTER = 2.0
 WARM_UP_PICTURES = 3
 """Number of pictures to search after a rest before results are valid.
 
-As at the start, near and far faces are searched in turn, in different pictures.
+Near and far faces are searched alternately, in different pictures, so one picture may not show all faces.
 """
 
 WARM_UP_TIMEOUT = 1.0

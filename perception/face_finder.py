@@ -274,7 +274,10 @@ MIN_CROWD = 3
 """Number of faces from which on optical flow tracks only the largest in each frame, and the others in every third."""
 
 MAX_STEADY_SHIFT = 0.02
-"""Largest motion per frame of a face that counts as standing still, in widths of the face: 0.1 m/s."""
+"""Largest motion of a face per frame at which it counts as standing still, in widths of the face.
+
+It is 0.1 m/s at 30 frames per second.
+"""
 
 
 class FaceDetector(Protocol):
@@ -296,7 +299,7 @@ class FaceDetector(Protocol):
 
 @runtime_checkable
 class ThoroughDetector(Protocol):
-    """Optional abilities of a detector: confirmation, other poses of a head, and a search plan."""
+    """Optional abilities of a face detector: confirmation of a face, leaning and turned heads, and a search plan."""
 
     newcomer_interval: int
     """Frames between two searches of the whole picture while a face is known."""
@@ -532,7 +535,7 @@ class FaceFinder:
         )
 
     def _is_turned_aside(self, known: FollowedFace, image: Image | GreyImage) -> bool:
-        """Return whether a face that was certain is now in profile; if so, it stays tracked for a while."""
+        """Return whether a face with full trust is now in profile; if so, it stays tracked for a while."""
         sure = self._thorough is not None and known.trust == MAX_TRUST and known.aside_searches < MAX_ASIDE_SEARCHES
         return sure and self._thorough is not None and self._thorough.is_turned_aside(image, known.detection.box)
 

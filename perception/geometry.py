@@ -78,7 +78,10 @@ class Pinhole:
         return self.centre[0] * self.width + self.focal * right, self.centre[1] * self.height + self.focal * down
 
     def _distort(self, x: float, y: float) -> tuple[float, float]:
-        """Return the image of a point of the plane one focal length ahead, both in focal lengths."""
+        """Return the position in the distorted picture of the point (x, y) of the undistorted picture.
+
+        Both are distances from the optical axis, in focal lengths.
+        """
         k1, k2, p1, p2, k3 = self.distortion
         r2 = x * x + y * y
         radial = 1 + r2 * (k1 + r2 * (k2 + r2 * k3))

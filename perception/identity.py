@@ -74,7 +74,7 @@ class NullRecogniser:
 
 
 class _Ballot:
-    """Looks at one face, and the resulting name."""
+    """Looks at one face, which are comparisons with the known people, and the resulting name."""
 
     def __init__(self) -> None:
         self.name = ""

@@ -33,10 +33,10 @@ class MotionSense:
     """Measures a scene and its motion: a ``perception.senses.SceneSense``.
 
     A turning camera shifts the whole picture. Phase correlation finds the shift, the previous picture is moved by it,
-    and the overlap is compared. A spot has changed if it is brighter or darker than everything around it before. The
-    sides of a picture shift more than its middle, but that difference is mostly ignored in this way: 0.2 % of the
-    picture counts as changed for a head that turns at 10 degrees/s, and 1 % at 60, as for a person who walks by.
-    Without a valid shift, as in a fast turn, no motion is reported.
+    and the overlap is compared. A pixel has changed if it is brighter, or darker, than all pixels of the previous
+    picture around that place. The sides of a picture shift more than its middle, but that difference is mostly ignored
+    in this way: 0.2 % of the picture counts as changed for a head that turns at 10 degrees/s, and 1 % at 60, as for a
+    person who walks by. Without a valid shift, as in a fast turn, no motion is reported.
     """
 
     def __init__(self) -> None:

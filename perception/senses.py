@@ -62,7 +62,7 @@ class FaceSense:
 class ActiveSenses:
     """Senses that a mission uses; the others are None and cost nothing.
 
-    If ``scene`` is None, brightness and contrast are still measured, but no motion.
+    Brightness and contrast are measured on request without a sense; a sense ``scene`` measures motion as well.
     """
 
     faces: Sense[Face] | None = None

@@ -341,7 +341,10 @@ MIN_SPOT_PIXELS = 8
 """Smallest width and height of a thing in the shrunk picture, in pixels, for its shape to be visible."""
 
 BOX_WIDENING = 1.2
-"""Ratio of the visible width of a box to that of its front: 1 to 1.41 for a square box, depending on its turn."""
+"""Assumed ratio of the visible width of a box to the width of its front.
+
+It is 1 for a square box that faces the camera, and 1.41 for one that is turned by 45 degrees.
+"""
 
 MARKER_FAMILIES = (
     "4x4_50",

@@ -7,9 +7,10 @@ A device works without its hardware: ``open`` starts the search for it, ``health
 reconnects by itself. Commands to an offline device raise ``drivers.errors.NotConnected``.
 
 Every command may be called in a tick: it takes at most one exchange on the wire, a few milliseconds, while the hardware
-replies. Joints are the exception: they confirm hold, relax, and a move that first switches torque on, one servo after
-another. A servo that replies costs two or three exchanges, one that has just become silent up to six timeouts (6 ms
-each, 22 ms with an adapter that delays replies). ``rest`` and ``close`` may take longer.
+replies. Joints are the exception: hold, relax, and a move that switches torque on wait until each servo has confirmed
+it, one servo after another. This takes two or three exchanges for a servo that replies, and up to six timeouts (6 ms
+each, 22 ms with an adapter that delays replies) for a servo that has just become silent. ``rest`` and ``close`` may
+take longer.
 """
 
 from drivers.api.base import (

@@ -81,7 +81,7 @@ class Driver:
 
 
 class DriverCatalogue(Protocol):
-    """All drivers: the built-in ones and those of other distributions."""
+    """Catalogue of all drivers: the built-in ones, and those of other installed Python distributions."""
 
     def names(self, kind: str) -> Sequence[str]:
         """Return the names of the drivers of a kind of part."""

@@ -52,7 +52,8 @@ class GaitKeys:
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
         """Yield an error for each contradiction in the file.
 
-        Errors are neither or both of ``walk`` and ``points``, no period, and too few or unordered points.
+        The file must have either ``walk`` or ``points``. Points need a period, there must be at least three of them,
+        and they must be in the order of time.
         """
         if (self.walk is None) == (not self.points):
             hint = "such as walk: {step: 50 mm}"

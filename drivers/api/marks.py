@@ -103,7 +103,7 @@ class ProtocolMember:
 
 @cache
 def members(protocol: type) -> Mapping[str, ProtocolMember]:
-    """Return the members of a protocol by name, inherited ones first, in the order of the source."""
+    """Return the members of a protocol by name, inherited ones first, in the order of the source code."""
     result: dict[str, ProtocolMember] = {}
     for each in reversed(protocol.__mro__):
         for name, value in vars(each).items():

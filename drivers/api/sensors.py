@@ -126,7 +126,10 @@ class Ranger(Device, Protocol):
 
 @runtime_checkable
 class Guardable(Protocol):
-    """Base that can use a range guard, for all sources of commands; bases on ``drivers.base`` can."""
+    """Base that can use a range guard, for all sources of commands.
+
+    All bases made with ``drivers.base`` can.
+    """
 
     def guard_by(self, ranger: Ranger, blind: Sequence[tuple[float, float]] = ()) -> None:
         """Limit every velocity by the scans of ``ranger``, unless the robot file switches that off.
@@ -167,7 +170,10 @@ class Imu(Device, Protocol):
 
 @runtime_checkable
 class WitnessedBase(Protocol):
-    """Base whose progress monitor can compare its motion with other sensors; bases on ``drivers.base`` can."""
+    """Base whose progress monitor can compare its motion with other sensors.
+
+    All bases made with ``drivers.base`` can.
+    """
 
     def compare_with(self, *, ranger: Ranger | None = None, imu: Imu | None = None) -> None:
         """Compare the base's motion with the motion that ``ranger`` and ``imu`` measure, to detect motion faults.

@@ -125,7 +125,7 @@ class ResetDetector:
     def _is_answer_late(self) -> bool:
         """True if the next answer must belong to an earlier probe.
 
-        This is so after exactly one probe that has timed out, until another is sent.
+        This is so if exactly one probe has not been answered, and it has timed out.
         """
         return self.state is DetectorState.SILENT and self.unanswered_probes == 1
 

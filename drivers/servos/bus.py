@@ -182,9 +182,10 @@ class ServoBus(ServoTransport):
                 self._transact(codec, codec.sync_write(address, size, some), {})
 
     def find_servos(self, *, protocol: Protocol, ids: Iterable[int]) -> Iterator[ServoIdentity]:
-        """Yield the servos among ``ids`` at the current rate: protocol 2.0 by one broadcast ping, others one by one.
+        """Yield the servos among ``ids`` at the current baud rate.
 
-        Each ID is tried once. Raises NotConnected.
+        Servos of protocol 2.0 are found by one broadcast ping, others one by one. Each ID is tried once. Raises
+        NotConnected.
         """
         sought = [ServoAddress(servo, protocol) for servo in ids if servo <= self._codecs[protocol].last_id]
         if protocol == 2:

@@ -66,7 +66,7 @@ A scan of more IDs that has found a servo pings only the IDs below this number.
 
 
 def _scan_ids(bus: ServoBus, protocol: Protocol, ids: Sequence[int]) -> Iterator[ScannedServo]:
-    """Scan ``ids`` at the current rate."""
+    """Scan ``ids`` at the current baud rate."""
     called = {known.address.id: known for known in bus.find_servos(protocol=2, ids=ids)} if protocol == 2 else {}
     silent = []
     for number in ids:

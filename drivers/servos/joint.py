@@ -232,10 +232,10 @@ class Joint:
         return state.position + min(covered, way, key=abs)
 
     def expected_position(self, position: float) -> float | None:
-        """Return the position in radians at which a reconnected joint was expected to be.
+        """Return the position in radians at which a reconnected joint was expected to be; None if it is there.
 
-        None if ``position``, at which it is, agrees. While it was disconnected, a joint with torque may have moved on
-        to its last setpoint, so any position on the way is expected. A joint without torque may be anywhere: None.
+        ``position`` is its measured position. While it was disconnected, a joint with torque may have moved on to its
+        last setpoint, so any position on the way is expected. A joint without torque may be anywhere: None.
         """
         state = self.reading.value
         if state is None or not self.torque:

@@ -107,7 +107,7 @@ class ServoModel:
     def torque_ticks(self, share: float) -> int:
         """Return a share of the stall torque as a value for the register of the torque limit.
 
-        It is at least 1, since a servo of protocol 1.0 that shuts down sets its limit to 0.
+        It is at least 1: a servo of protocol 1.0 that shuts down sets its limit to 0, so 0 would look like a shutdown.
         """
         return min(max(round(share * self.full_torque), 1), self.full_torque)
 

@@ -67,7 +67,7 @@ class JointMonitor:
 
     @property
     def hint(self) -> str:
-        """Remedy for servos that are not driven: their own hints, and general advice."""
+        """Remedy for servos that are not driven: the hint of each of these servos, and general advice."""
         wrong = [joint for joint in self._joints if not joint.is_driven]
         cures = list(dict.fromkeys(joint.hint for joint in wrong if joint.hint))
         if any(not joint.hint for joint in wrong) or not wrong:
@@ -179,7 +179,7 @@ class JointMonitor:
                 self._reporter.report_shutdown(joint)
 
     def _check_displacement(self, joint: Joint) -> None:
-        """Report a returning joint that was moved meanwhile. Raises NoReply, NotConnected, BadRequest."""
+        """Report a reconnected joint that was moved while it was offline. Raises NoReply, NotConnected, BadRequest."""
         found = joint.angle(self._bus.read(joint.address, joint.model.table["present_position"]))
         if (stood := joint.expected_position(found)) is not None:
             joint.approaches_slowly = True

@@ -166,7 +166,10 @@ def _identify(codec: Codec, baud: int, number: int) -> Generator[ProbeRequest, b
 
 
 def _model_from_ping(replies: Sequence[ServoReply], protocol: Protocol) -> str:
-    """Return the model in a ping reply; in protocol 1.0 a ping has no data."""
+    """Return the name of the model in a ping reply; "?" if it is unknown.
+
+    It is always unknown in protocol 1.0, in which a ping reply has no data.
+    """
     model = find_model(unpack_from("<H", replies[0].data)[0]) if protocol == 2 and len(replies[0].data) > 1 else None
     return model.name if model is not None else "?"
 

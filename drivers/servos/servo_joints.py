@@ -22,7 +22,7 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.reconnect import LatchingPart, ReconnectTracker
 
 CLAMP_REPORT_INTERVAL = 10.0
-"""Seconds without a clamped goal after which the next one of a joint is reported again."""
+"""Seconds without a clamped goal of a joint after which its next clamped goal is reported again."""
 
 
 class GoalLimiter:
@@ -122,8 +122,8 @@ class ServoJoints(LatchingPart, ABC):
     def hold(self, joints: Collection[str] | None = None) -> None:
         """Stop the named joints (None: all) at their current position with torque on, and end their following.
 
-        Safe from any state; does not raise when offline. Joints without confirmation are reported, and held once they
-        are back. Raises BadRequest for an unknown joint.
+        Safe from any state; does not raise when offline. Joints whose servo does not confirm it are reported, and held
+        once the servo answers again. Raises BadRequest for an unknown joint.
         """
         self._hold_or_relax_and_report(self._joints if joints is None else joints, stiff=True)
 
@@ -156,7 +156,7 @@ class ServoJoints(LatchingPart, ABC):
 
     @abstractmethod
     def _hold_or_relax_and_report(self, names: Collection[str], *, stiff: bool) -> None:
-        """Hold or relax joints, and report those without confirmation."""
+        """Hold or relax joints, and report those whose servo does not confirm it."""
 
 
 LEADER_TIMEOUT = 0.25

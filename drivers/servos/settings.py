@@ -170,7 +170,7 @@ def _check_registers(subject: str, table: ControlTable, values: Mapping[str, int
 
 
 def _is_in_wheel_mode(bus: ServoBus, at: ServoAddress, table: ControlTable) -> bool:
-    """True if the servo rotates endlessly and speed 0 means stop: in protocol 1.0 both its limits are 0."""
+    """True if the servo rotates endlessly and speed 0 means stop: in protocol 1.0, if both angle limits are 0."""
     if "mode" in table:
         return bool(bus.read(at, table["mode"]))
     return at.protocol != 2 and not any(bus.read(at, table[limit]) for limit in table.limit_registers)
@@ -239,7 +239,10 @@ def _verify(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> ServoAdd
 
 @contextmanager
 def _baud_after(bus: ServoBus, at: ServoAddress, change: RegisterChange) -> Iterator[None]:
-    """Use the baud rate that the servo has after ``change``; restore that of the bus at the end."""
+    """Context in which the bus has the baud rate that the servo has after ``change``.
+
+    At its end the bus gets its previous rate again.
+    """
     before = bus.baud
     if change.register.name != "baud":
         yield

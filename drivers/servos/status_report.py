@@ -95,7 +95,7 @@ class ServoReporter:
         self._send_status("fault", what, "its supply dips: measure it at the last servo while the arm moves")
 
     def report_displacement(self, joint: Joint, expected: float, actual: float) -> None:
-        """Report a joint that returned at position ``actual`` instead of ``expected`` (radians)."""
+        """Report a joint that reconnected at position ``actual`` instead of ``expected`` (radians)."""
         what = f"{joint.title} stands at {degrees(actual):.1f} deg, not at {degrees(expected):.1f} deg as before"
         hint = "it continues slowly from there; with a new servo or a slipped horn, its zero may have changed"
         self._send_status("fault", what, f"{hint}: mission servo calibrate --zero --robot FILE")
@@ -105,7 +105,7 @@ class ServoReporter:
         self._send_status("fault", f"{follower.title} holds its position: no readings of its leader {leader.title}")
 
     def report_slow_bus(self, rate: float, baud: int) -> None:
-        """Report, with the cause, if the bus cannot carry ``rate`` rounds per second."""
+        """Report, with the cause, if the bus is too slow to read the servos ``rate`` times a second."""
         joints = [joint for joint in self._joints.values() if joint.is_driven]
         wire, waiting = round_duration(joints, baud)
         if wire + waiting <= 1 / rate:

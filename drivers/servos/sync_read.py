@@ -96,7 +96,7 @@ class GroupReader:
 
 
 def round_duration(joints: Sequence[Joint], baud: int) -> tuple[float, float]:
-    """Return the seconds on the wire of a round that reads ``joints``, and the seconds of return delay in it."""
+    """Return how long it takes to read ``joints`` once: the seconds on the wire, and the seconds of return delay."""
     size, delay = 0, 0
     for joint in joints:
         asked = _REQUEST_BYTES[joint.model.read_mode]

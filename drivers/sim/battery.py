@@ -18,9 +18,9 @@ _PERCENT_PER_VOLT = 95 / (FULL_VOLTAGE - EMPTY_VOLTAGE)
 class Battery:
     """Battery that integrates its charge over the times passed to ``advance``. Not thread-safe.
 
-    ``percent`` (0..100) is the charge and may be set. ``drain`` is a factor on the speed of a real battery, for
-    discharging and charging; with 0 it never discharges, and charges as fast as a real one. ``resistance`` is in ohms.
-    ``is_charging`` is updated by ``advance``. Raises ValueError for values out of range.
+    ``percent`` (0..100) is the charge and may be set. The battery discharges and charges ``drain`` times as fast as a
+    real one; with 0 it never discharges, and charges as fast as a real one. ``resistance`` is in ohms. ``is_charging``
+    is updated by ``advance``. Raises ValueError for values out of range.
     """
 
     def __init__(self, percent: float = 100.0, *, drain: float = 0.0, resistance: float = 0.0) -> None:

@@ -181,7 +181,7 @@ class Presence:
         return atan2(y - self.y, x - self.x) + (pi if self.facing == "away" else 0.0)
 
     def shows_face(self, x: float, y: float) -> bool:
-        """Return whether the face is visible from (x, y): turned there within 60 degrees."""
+        """Return whether the face is visible from (x, y): the person is turned to that point, within 60 degrees."""
         if isinstance(self.facing, str):
             return self.facing == "camera"
         return cos(self.facing - atan2(y - self.y, x - self.x)) >= _MIN_FACE_COSINE

@@ -155,9 +155,9 @@ def _is_behind(one: UprightBox | UprightCylinder, other: UprightBox | UprightCyl
 
 
 def _is_separated_by(block: UprightBox, other: UprightBox | UprightCylinder, eye: Point3) -> bool | None:
-    """Return whether a plane through a side of ``block`` separates it from ``other``, with the eye beyond it.
+    """Return whether the side of ``block`` that has ``other`` in front of it has the eye in front of it, too.
 
-    None if no such plane separates the two objects.
+    None if no side of ``block`` separates it from ``other``.
     """
     if isinstance(other, UprightCylinder):
         u, v = block.to_local(other.x, other.y)

@@ -145,7 +145,11 @@ _WORD_POSITIONS = {"inside": 0, "first": 1, "last": 2, "alone": 3}  # of a phone
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WordStates:
-    """Consecutive states of a word: their numbers, and the log probabilities of staying and of leaving."""
+    """Consecutive states of the acoustic model for a word.
+
+    ``numbers`` are those of the states in the model, ``log_stay`` and ``log_leave`` the log probabilities of staying in
+    each state and of leaving it.
+    """
 
     numbers: Integers
     log_stay: Floats

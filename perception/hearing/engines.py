@@ -32,7 +32,10 @@ def limit_by_decoys(score: float, margin: float | None) -> float:
 
 
 class SphinxEngine:
-    """Pocketsphinx with its English model. Raises ValueError for words that ``lexicon`` does not know."""
+    """Recognition engine pocketsphinx with its English model.
+
+    Raises ValueError for words that ``lexicon`` does not know.
+    """
 
     program = Path(__file__).with_name("recogniser_worker.py")
     hint = "`pip install 'missiontree[listen]'` installs the recogniser"
@@ -64,7 +67,10 @@ class SphinxEngine:
 
 
 class ModelEngine:
-    """Recognition engine with a model folder of the user's, its own dictionary, and its own confidences."""
+    """Recognition engine with a model that the user provides as a folder.
+
+    The model has its own dictionary, and computes confidences of the recognised words.
+    """
 
     program: Path
     hint: str
@@ -94,14 +100,17 @@ class ModelEngine:
 
 
 class VoskEngine(ModelEngine):
-    """Recognition engine Vosk. It recognises only the phrases, and has its own "unknown" for other speech."""
+    """Recognition engine Vosk. It recognises only the phrases, and reports all other speech as unknown words."""
 
     program = Path(__file__).with_name("vosk_worker.py")
     hint = "`pip install 'missiontree[vosk]'` installs Vosk; alphacephei.com/vosk/models has models"
 
 
 class SherpaEngine(ModelEngine):
-    """Recognition engine sherpa-onnx with a streaming transducer. It transcribes all speech; only phrases count."""
+    """Recognition engine sherpa-onnx with a streaming transducer.
+
+    It transcribes all speech; a transcription that is not one of the phrases is refused.
+    """
 
     program = Path(__file__).with_name("sherpa_worker.py")
     hint = "`pip install 'missiontree[sherpa]'` installs sherpa-onnx; its documentation has streaming transducers"

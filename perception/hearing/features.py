@@ -78,7 +78,7 @@ def acceptance_features(decoding: Decoding, clip: Clip) -> dict[str, float]:
 
 
 def _frame_scores(segments: Iterable[Segment], frames: int) -> Floats:
-    """Return the score of each frame; that of a segment is distributed evenly."""
+    """Return the score of each of ``frames`` frames: the score of a segment is divided equally among its frames."""
     scores = np.zeros(frames)
     for segment in segments:
         scores[segment.frames] = segment.score / segment.length

@@ -180,7 +180,7 @@ class SpeechListener:
 
     @property
     def is_pending(self) -> bool:
-        """True while clips are waiting or being decoded."""
+        """True while clips of speech wait to be decoded, or one is being decoded."""
         with self._lock:
             return bool(self._waiting_clips) or self._state is RecogniserState.DECODING
 

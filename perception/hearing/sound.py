@@ -15,9 +15,9 @@ FRAME_SAMPLES = 320
 """Samples per level measurement: 20 ms."""
 
 FULL_SCALE_LEVEL = 20 * np.log10(32768.0)
-"""Level of a full-scale square wave in dB, relative to a square wave with the amplitude 1 of 32768.
+"""Level of a full-scale square wave in dB, relative to a square wave of amplitude 1 (full scale is 32768).
 
-Levels in this module have that reference. Minus this constant, they are levels in dBFS.
+All levels in dB of this module are relative to amplitude 1. A level in dBFS is this constant less.
 """
 
 Samples = npt.NDArray[np.int16]
@@ -51,7 +51,10 @@ class Piece(Protocol):
 
 
 def levels(samples: Samples | Floats, size: int = FRAME_SAMPLES) -> Floats:
-    """Return the level of each whole frame of ``size`` samples, in dB relative to the amplitude 1; silence is 0."""
+    """Return the level of each whole frame of ``size`` samples, in dB relative to a square wave of amplitude 1.
+
+    Full scale is 32768; silence is 0 dB.
+    """
     whole = np.asarray(samples[: len(samples) // size * size], np.float64).reshape(-1, size)
     return np.asarray(10 * np.log10(np.mean(whole**2, axis=1) + 1.0), np.float64)
 
@@ -74,7 +77,7 @@ SMOOTHING = 0.95
 """Weight of the previous frame in the estimate of the signal-to-noise ratio."""
 
 TARGET_LEVEL = 66.0
-"""Level to which the loud frames of a clip are amplified, in dB relative to the amplitude 1."""
+"""Level to which the loud frames of a clip are amplified, in dB relative to a square wave of amplitude 1."""
 
 MAX_AMPLIFICATION = 30.0
 """Largest amplification of a clip, in dB."""
@@ -149,7 +152,7 @@ TAIL_TIME = 0.3
 """Seconds of sound kept after the speech."""
 
 MIN_BACKGROUND_LEVEL = 20.0
-"""Smallest assumed level of the background, in dB relative to the amplitude 1.
+"""Smallest assumed level of the background, in dB relative to a square wave of amplitude 1.
 
 Without it, hiss after digital silence would count as speech.
 """
@@ -159,9 +162,9 @@ Without it, hiss after digital silence would count as speech.
 class SpeechGate:
     """Criteria of voice activity detection (VAD) in a sound. Levels in dB, times in seconds.
 
-    A frame is speech if its energy is ``rise`` over the background, and at most ``drop`` below the loudest frame of the
-    utterance. An utterance ends after a ``pause`` (hangover), or when it has lasted ``longest``. Less speech than
-    ``shortest`` is a click.
+    A frame is speech if its level is at least ``rise`` above the background, and at most ``drop`` below the loudest
+    frame of the utterance. An utterance ends after a ``pause`` (hangover), or when it has lasted ``longest``. Less
+    speech than ``shortest`` counts as a click, not as an utterance.
     """
 
     rise: float = 6.0

@@ -63,7 +63,7 @@ def _execute(servo: VirtualServo, packet: Packet) -> tuple[ServoFault, bytes]:
 
 
 def _status(servo: VirtualServo, number: int, error: ServoFault, data: bytes) -> bytes:
-    """Return the reply of one servo, with its own faults."""
+    """Return the reply of ``servo`` under the ID ``number``: the faults ``error`` and its own faults, then ``data``."""
     return status(number, int(error) | int(servo.faults), data)
 
 
