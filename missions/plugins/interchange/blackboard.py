@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
 from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
 from missions.language.operators import FUNCTIONS
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, is_pointer, normal_form
 from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, Verbatim
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError, parse_script
@@ -16,6 +16,9 @@ from missions.plugins.interchange.xml_reader import Element
 
 ROOT_ENTRY = "@"
 """Prefix of entries of the blackboard of the main tree: ``{@x}``."""
+
+MAX_NAME_LENGTH = 80
+"""Maximum characters of the name of a variable."""
 
 OTHER_FUNCTIONS = ("random", "failure")
 RESERVED = frozenset({*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, *OTHER_FUNCTIONS})
@@ -48,7 +51,7 @@ class VariableNames:
 
     def fresh(self, wish: str, first_number: int = 0) -> str:
         """Return a name that no variable has yet: ``wish``, or ``wish`` with a suffix."""
-        plain = re.sub(r"\W", "_", wish) or "entry"
+        plain = re.sub(r"\W", "_", wish)[:MAX_NAME_LENGTH] or "entry"
         plain = plain if plain[0].isalpha() or plain[0] == "_" else f"entry_{plain}"
         found, number = plain, first_number
         while found in RESERVED or found in self._taken or not found.isidentifier():
@@ -102,7 +105,7 @@ class EntryKinds:
                 if entry and not is_pointer(element.attributes.get("value", "")):
                     self._found[id(tree), entry].add(kind_of_constant(element.attributes.get("value", "")))
             elif kind == "SubTree" and (inner := project.find_tree(element.attributes.get("ID", ""), tree.file)):
-                self._note_call(tree, inner, element)
+                self._note_call(project, tree, inner, element)
 
     def _note_script(self, tree: SourceTree, code: str) -> None:
         try:
@@ -113,10 +116,8 @@ class EntryKinds:
             if each.formula.kind is not None:
                 self._found[id(tree), each.entry].add(each.formula.kind)
 
-    def _note_call(self, tree: SourceTree, inner: SourceTree, element: Element) -> None:
-        for port, value in element.attributes.items():
-            if port in ("ID", "name") or port.startswith("_"):
-                continue
+    def _note_call(self, project: ForeignProject, tree: SourceTree, inner: SourceTree, element: Element) -> None:
+        for port, value in call_ports(project, inner, element).items():
             if is_pointer(value) or tree.version == 3:
                 self._same.append(((id(tree), entry_of(value, port)), (id(inner), port)))
             else:
@@ -157,7 +158,7 @@ def entry_of(value: str, port: str = "") -> str:
     """Return the entry of a pointer or a plain name; ``{=}`` is the name of the port."""
     text = value.strip()
     if is_pointer(text):
-        text = text[1:-1].strip()
+        text = text.removeprefix("$")[1:-1].strip()
     return port if text == "=" else text
 
 

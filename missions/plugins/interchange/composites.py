@@ -106,6 +106,10 @@ def _plain_condition(tree: TreeContext, element: Element) -> Formula | None:
     return script.condition if script is not None and not script.assignments else None
 
 
+MAX_CASE_LENGTH = 500
+"""Maximum characters of a case of a switch."""
+
+
 def switch(tree: TreeContext, element: Element, kind: str) -> MissionStep:
     """Return a switch over the values of an entry."""
     variable = tree.port(element, kind, "variable")
@@ -121,8 +125,8 @@ def switch(tree: TreeContext, element: Element, kind: str) -> MissionStep:
     for number, child in enumerate(children[: _case_count(tree, element)], start=1):
         case = tree.port(element, kind, f"case_{number}") or element.attributes.get(f"case_{number}", "")
         key = _case_key(case, of_kind)
-        if key in cases or not case:
-            tree.report.add(LOST, element, f"case_{number} is empty or repeated", kind)
+        if key in cases or not case or len(case) > MAX_CASE_LENGTH:
+            tree.report.add(LOST, element, f"case_{number} is empty, repeated or too long", kind)
         else:
             cases[key] = child
     value: dict[str, object] = {"on": Condition(on), "cases": cases}

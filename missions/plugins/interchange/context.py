@@ -5,6 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Literal
 
+from behaviours.leaf import Leaf
 from config.diagnostics import to_snake_case
 from missions.plugins.interchange.blackboard import EntryKinds, SubtreeCall, VariableNames, entry_of
 from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form
@@ -43,10 +44,12 @@ class TreeContext:
         kinds: EntryKinds,
         rules: Mapping[str, LeafRule],
         stubs: StubTable,
+        leaves: Mapping[str, type[Leaf]],
         report: ImportReport,
         translate_node: TranslateNode,
     ) -> None:
         self.project, self.tree, self.rules, self.stubs, self.report = project, tree, rules, stubs, report
+        self.leaves = leaves
         self.kinds = kinds.of(tree)
         self._translate_node = translate_node
         self.names = VariableNames(is_main=tree.is_main)

@@ -229,7 +229,7 @@ def _walk(element: Element) -> Iterator[Element]:
 
 def is_pointer(value: str) -> bool:
     """Return whether a port's value names an entry of the blackboard: ``{x}``."""
-    text = value.strip()
+    text = value.strip().removeprefix("$")  # version 2 wrote ${x}
     return text.startswith("{") and text.endswith("}") and "{" not in text[1:-1] and len(text) > 2
 
 
@@ -268,6 +268,16 @@ def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) 
     if not model.ports:
         known = (*known, *NAV2_OUTPUTS.get(name, ()))
     return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}})
+
+
+def call_ports(project: ForeignProject, tree: SourceTree | None, element: Element) -> dict[str, str]:
+    """Return the ports of a SubTree node: the given ones, and the defaults of its model and of the tree itself."""
+    model = project.models.get(element.attributes.get("ID", ""))
+    found = {} if tree is None else dict(tree.port_defaults)
+    if model is not None:
+        found |= {name: port.default for name, port in model.ports.items() if port.default is not None}
+    given = {name: value for name, value in element.attributes.items() if name not in ("ID", "name")}
+    return found | {name: value for name, value in given.items() if not name.startswith("_")}
 
 
 def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, dict[str, PortModel]]:

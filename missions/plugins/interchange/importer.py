@@ -1,10 +1,11 @@
 """Import of a project: its trees as texts of missions, the stubs of its leaves, and the report."""
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from behaviours.leaf import Leaf
 from config.diagnostics import to_snake_case
 from missions.language.nodes import MISSION
 from missions.plugins.interchange.blackboard import (
@@ -20,6 +21,7 @@ from missions.plugins.interchange.foreign_trees import (
     GENERIC_TREE_NAMES,
     ForeignProject,
     find_used_outputs,
+    is_pointer,
     read_project,
 )
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
@@ -44,7 +46,7 @@ class ImportedProject:
 
 
 def import_trees(
-    path: Path, leaf_tags: Collection[str], rules: Mapping[str, LeafRule] | None = None
+    path: Path, leaves: Mapping[str, type[Leaf]], rules: Mapping[str, LeafRule] | None = None
 ) -> ImportedProject:
     """Read a file or a folder, and return its missions. Raises InvalidFileError; nothing is written."""
     imported = ImportedProject()
@@ -52,9 +54,9 @@ def import_trees(
     names = _mission_names(project, single=not path.is_dir())
     kinds = EntryKinds(project)
     table = {**LEAF_RULES, **(rules or {})}
-    stubs = StubTable(leaf_tags, find_used_outputs(project, table))
+    stubs = StubTable(leaves, find_used_outputs(project, table))
     translated = {
-        id(tree): translate_tree(project, tree, kinds, table, stubs, imported.report)
+        id(tree): translate_tree(project, tree, kinds, table, stubs, leaves, imported.report)
         for tree in project.trees()
         if tree.body is not None
     }
@@ -71,8 +73,12 @@ def import_trees(
     return imported
 
 
+MAX_NAME_LENGTH = 80
+"""Maximum characters of the name of a mission."""
+
+
 def _word(text: str) -> str:
-    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(text))).strip("_")
+    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(text))).strip("_")[:MAX_NAME_LENGTH]
 
 
 def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
@@ -150,7 +156,7 @@ def _interface(each: TranslatedTree) -> MissionInterface:
             found.params[variable] = ANY_VALUE
     defaults = each.tree.port_defaults
     for variable, entry in each.entries.items():
-        if entry in defaults:
+        if entry in defaults and not is_pointer(defaults[entry]):
             found.params[variable] = constant_value(defaults[entry])
     return found
 

@@ -79,9 +79,16 @@ def unset_blackboard(tree: TreeContext, element: Element) -> MissionStep:
 def leaf(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
     """Return a leaf of missions, by the table of leaves, or a stub."""
     rule = tree.rules.get(kind)
-    if rule is not None and rule.leaf:
+    if rule is not None and rule.leaf and _has_required_arguments(tree, element, rule):
         return tree.add_name(_ruled_leaf(tree, element, kind, rule), element)
     return stub_step(tree, element, kind, role)
+
+
+def _has_required_arguments(tree: TreeContext, element: Element, rule: LeafRule) -> bool:
+    """Return whether the ports of a node give all required arguments of the leaf of a rule."""
+    given = {rule.ports[port].argument for port in element.attributes if port in rule.ports}
+    required = (argument.name for argument in tree.leaves[rule.leaf].arguments.values() if argument.required)
+    return given.issuperset(required)
 
 
 def _ruled_leaf(tree: TreeContext, element: Element, kind: str, rule: LeafRule) -> MissionStep:
@@ -102,7 +109,9 @@ def _ruled_leaf(tree: TreeContext, element: Element, kind: str, rule: LeafRule) 
             step.sets += (str(step.keys["as"]),)
         else:
             tree.report.add(LOST, element, f"the port '{port}' of '{rule.leaf}'", kind)
-    step.value = arguments or None
+    declared = tree.leaves[rule.leaf].arguments
+    is_principal = [declared[name].principal for name in arguments] == [True]
+    step.value = next(iter(arguments.values())) if is_principal else arguments or None
     return step
 
 

@@ -130,6 +130,7 @@ OLD_NAMES: Mapping[str, str] = {
     "SubtreePlus": "SubTree",
     "Subtree": "SubTree",
     "Selector": "Fallback",
+    "ParallelNode": "Parallel",
     "Recovery": "RecoveryNode",
     "BlackboardCheck": "BlackboardCheckString",
 }

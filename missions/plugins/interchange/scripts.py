@@ -7,6 +7,9 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
+MAX_NUMBER = 1e15
+"""Maximum number of a script, as of an expression."""
+
 MAX_SCRIPT_LENGTH = 5_000
 MAX_SCRIPT_DEPTH = 40
 """Maximum nesting of parentheses, signs and choices."""
@@ -221,7 +224,9 @@ class _Parser:
     def _atom(self) -> Formula:
         kind, word = self._next()
         if kind == "number":
-            value = float(int(word, 16)) if word[:2].lower() == "0x" else float(word)
+            value = float(int(word[:40], 16)) if word[:2].lower() == "0x" else float(word)
+            if abs(value) > MAX_NUMBER:
+                raise ScriptError("a number out of range")
             return Formula(number_text(value), NUMBER, constant=value)
         if kind == "text":
             return text_formula(word)

@@ -20,7 +20,7 @@ from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
 BESIDE_WORDS = frozenset({*NODES, *COUNTS, "name", "as", "with", "returns", "weights"})
 """Words of missions that no leaf can have as its tag."""
 
-LINE_LENGTH = 100
+MAX_TAG_LENGTH = 80
 NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
                 "int8_t", "int16_t", "int32_t", "int64_t", "unsigned int", "long")  # fmt: skip
 TEXT_TYPES = ("std::string", "string", "str", "const char*", "std::string_view")
@@ -68,7 +68,7 @@ class StubLeaf:
     @property
     def class_name(self) -> str:
         """Name of its Python class."""
-        words = re.sub(r"\W", "_", self.id)
+        words = re.sub(r"\W", "_", self.id)[:MAX_TAG_LENGTH]
         name = "".join(part[:1].upper() + part[1:] for part in words.split("_") if part) or "Stub"
         return f"Stub{name}" if name[0].isdigit() or keyword.iskeyword(name) or name in PYTHON_NAMES else name
 
@@ -94,7 +94,7 @@ class StubTable:
         return self.stubs[id]
 
     def _tag(self, id: str, role: str) -> str:  # noqa: A002 - as above
-        word = re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(id))).strip("_") or "leaf"
+        word = re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(id))).strip("_")[:MAX_TAG_LENGTH] or "leaf"
         word = word if word[0].isalpha() else f"leaf_{word}"
         wishes = (word, f"{word}_{role.lower() or 'action'}", *(f"{word}_{number}" for number in range(2, 10_000)))
         tag = next(wish for wish in wishes if wish not in self._taken)

@@ -3,11 +3,12 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
+from behaviours.leaf import Leaf
 from missions.plugins.interchange import composites, decorators, leaves, nav2
 from missions.plugins.interchange.blackboard import EntryKinds, SubtreeCall, VariableNames, constant_value, entry_of
 from missions.plugins.interchange.conditions import with_conditions
 from missions.plugins.interchange.context import SkipAs, TreeContext, description_of, remark_of, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, is_pointer, normal_form
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
@@ -44,10 +45,11 @@ def translate_tree(
     kinds: EntryKinds,
     rules: Mapping[str, LeafRule],
     stubs: StubTable,
+    leaves_by_tag: Mapping[str, type[Leaf]],
     report: ImportReport,
 ) -> TranslatedTree:
     """Return the steps of a tree; stubs, the report and the kinds of entries are shared by all trees."""
-    context = TreeContext(project, tree, kinds, rules, stubs, report, _translate_node)
+    context = TreeContext(project, tree, kinds, rules, stubs, leaves_by_tag, report, _translate_node)
     root = MissionStep("succeed") if tree.body is None else context.node(tree.body, "success", "")
     for entry, name in context.names.renamed.items():
         report.add(RENAMED, tree.element, f"the entry '{entry}' is the variable '{name}'", tree.id)
@@ -167,9 +169,7 @@ def _subtree(tree: TreeContext, element: Element) -> MissionStep:
         for each in ("_autoremap", "__autoremap", "__shared_blackboard")
     )
     entries, constants = dict[str, str](), dict[str, object]()
-    for port, value in attributes.items():
-        if port in ("ID", "name") or port.startswith("_"):
-            continue
+    for port, value in call_ports(tree.project, inner, element).items():
         if is_pointer(value) or (is_old and element.tag == "SubTree"):
             entries[port] = entry_of(value, port)
         else:

@@ -22,6 +22,9 @@ MAX_ELEMENTS = 20_000
 MAX_ATTRIBUTES = 200
 """Maximum attributes of one element."""
 
+MAX_NAME_LENGTH = 200
+"""Maximum characters of a tag, or of the name of an attribute."""
+
 MAX_VALUE_LENGTH = 20_000
 """Maximum characters of an attribute, a text or a comment."""
 
@@ -122,9 +125,10 @@ class _Builder:
             raise self._fault(f"nested too deeply: at most {MAX_DEPTH} elements")
         if len(attributes) > MAX_ATTRIBUTES:
             raise self._fault(f"more than {MAX_ATTRIBUTES} attributes")
+        if max(map(len, (tag, *attributes))) > MAX_NAME_LENGTH:
+            raise self._fault(f"a name of more than {MAX_NAME_LENGTH} characters")
         for name, value in attributes.items():
             self._check_length(value, f"attribute '{name[:40]}'")
-        self._check_length(tag, "a tag")
         line, column = self._parser.CurrentLineNumber, self._parser.CurrentColumnNumber + 1
         cleaned = {name: clean_text(value) for name, value in attributes.items()}
         element = Element(tag, cleaned, self._source, line, column, comments=self._comments)

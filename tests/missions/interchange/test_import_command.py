@@ -131,9 +131,9 @@ def test_a_table_of_leaves_maps_leaves_and_units(mission: Mission, tmp_path: Pat
     (tmp_path / "table.yaml").write_text(table)
     assert mission("import", "tree.xml", "-o", "made", "--leaves", "table.yaml").code == 0
     text = (tmp_path / "made" / "patrol.yaml").read_text()
-    assert "- say: {text: Hello}" in text
-    assert "- drive: {distance: -0.5 m}" in text
-    assert '- say: {text: "${words}"}' in text
+    assert "- say: Hello" in text
+    assert "- drive: -0.5 m" in text
+    assert '- say: "${words}"' in text
     assert mission("check", "made").code == 0
 
 
