@@ -459,7 +459,7 @@ UNSET_HINT = "set it before, such as set: {{{0}: null}}, and test it here with i
 def check_assignments(context: CheckContext, tree: Step) -> None:
     """Report each variable that is read although no earlier step has set it, or not on every path."""
     before = len(context.faults)
-    _check_order(context, tree, set(context.params) | (context.variables - tree.variables))
+    _check_order(context, tree, {*context.params, *context.missing_params, *(context.variables - tree.variables)})
     if len(context.faults) > before:
         return
     for each in find_unset_reads(tree, tree.variables - context.params.keys() - context.missing_params, context.params):

@@ -370,3 +370,9 @@ def test_param_that_only_a_sub_mission_has_is_not_read(tmp_path: Path) -> None:
 
 def test_shipped_missions_read_all_their_params() -> None:
     assert {name: found for name in shipped_missions() if (found := load_mission(name).unread_params)} == {}
+
+
+def test_a_param_without_a_default_is_known_to_a_step_that_sets_it() -> None:
+    plan = check('mission: t\nparams:\n  n: {type: value}\ntree:\n  set: {n: "${n + 1}"}\n', {"n": "3"})
+    assert plan.params == {"n": 3}
+    check('mission: t\nparams:\n  n: {type: value}\ntree:\n  set: {n: "${n + 1}"}\n')

@@ -9,7 +9,7 @@ from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
 from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
 from missions.language.operators import FUNCTIONS
 from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, is_pointer, normal_form
-from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, Verbatim
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError, parse_script
 from missions.plugins.interchange.xml_reader import Element
@@ -261,7 +261,7 @@ def fill_call(
         if outer is not None:
             own = names.name(outer)
             if variable in inner.sets:
-                returned[own] = Condition(variable)
+                returned[own] = PlainExpression(variable)
                 sets.append(own)
             if needed or (variable in inner.sets and variable not in inner.surely_set):
                 given[variable] = Computed(own)

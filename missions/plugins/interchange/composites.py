@@ -3,7 +3,7 @@
 from missions.plugins.interchange.blackboard import constant_value, entry_of
 from missions.plugins.interchange.context import TreeContext, fail_again, set_step, word_of
 from missions.plugins.interchange.foreign_trees import is_pointer, normal_form
-from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, wrapped
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.scripts import FLAG, NUMBER, Formula, as_condition, number_text, text_formula
@@ -80,7 +80,9 @@ def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -
     formula = _plain_condition(tree, first)
     if formula is not None:
         test = as_condition(formula)
-        step = MissionStep(word, {"on": Condition(test.text), "cases": branches}, reads=tree.variables_of(formula))
+        step = MissionStep(
+            word, {"on": PlainExpression(test.text), "cases": branches}, reads=tree.variables_of(formula)
+        )
         step.comments += first.comments
         if label := first.attributes.get("name"):
             step.comments.append(f"on: {label}")
@@ -91,7 +93,7 @@ def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -
         "selector",
         [MissionStep("sequence", [condition, set_step({holds: True})]), set_step({holds: False})],
     )
-    choice = MissionStep(word, {"on": Condition(holds), "cases": branches}, reads=(holds,))
+    choice = MissionStep(word, {"on": PlainExpression(holds), "cases": branches}, reads=(holds,))
     return tree.add_name(MissionStep("reactive_sequence" if reactive else "sequence", [test_step, choice]), element)
 
 
@@ -129,7 +131,7 @@ def switch(tree: TreeContext, element: Element, kind: str) -> MissionStep:
             tree.report.add(LOST, element, f"case_{number} is empty, repeated or too long", kind)
         else:
             cases[key] = child
-    value: dict[str, object] = {"on": Condition(on), "cases": cases}
+    value: dict[str, object] = {"on": PlainExpression(on), "cases": cases}
     if len(children) > _case_count(tree, element):
         value["default"] = children[-1]
     return tree.add_name(MissionStep("reactive_switch", value, reads=reads), element)
@@ -156,9 +158,9 @@ def sequence_with_memory(tree: TreeContext, element: Element, kind: str) -> Miss
     children = tree.children(element, "success")
     for number, child in enumerate(children, start=1):
         here = f"{place} == {number}"
-        steps.append(wrapped(child, "if", Condition(here), reads=(place,)))
+        steps.append(wrapped(child, "if", PlainExpression(here), reads=(place,)))
         following = number + 1 if number < len(children) else 1
-        steps.append(wrapped(set_step({place: following}), "if", Condition(here), reads=(place,)))
+        steps.append(wrapped(set_step({place: following}), "if", PlainExpression(here), reads=(place,)))
     if tree.tree.version == 3:
         tree.report.add(DIFFERS, element, "a halt keeps its place here, as in version 4", kind)
     return tree.add_name(MissionStep("sequence", steps), element)

@@ -12,7 +12,7 @@ from missions.plugins.interchange.context import (
     word_of,
     wrap_in,
 )
-from missions.plugins.interchange.mission_text import Condition, MissionStep, wrapped
+from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.report import LOST
 from missions.plugins.interchange.scripts import FLAG, LOGIC, Formula, as_condition, negate
@@ -33,10 +33,10 @@ def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip
         return step
     conditions = {name: tree.condition(element, codes[name]) for name in CONDITION_ATTRIBUTES if name in codes}
     if (success := conditions.get("_successIf")) is not None:
-        check = MissionStep("check", Condition(success.text), reads=tree.variables_of(success))
+        check = MissionStep("check", PlainExpression(success.text), reads=tree.variables_of(success))
         step = wrap_in(step, "selector", [check, step])
     if (failure := conditions.get("_failureIf")) is not None:
-        check = MissionStep("check", Condition(negate(failure).text), reads=tree.variables_of(failure))
+        check = MissionStep("check", PlainExpression(negate(failure).text), reads=tree.variables_of(failure))
         step = wrap_in(step, "sequence", [check, step])
     step = _with_ends(tree, element, step, codes)
     if (running := conditions.get("_while")) is not None:
@@ -52,7 +52,7 @@ def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip
                     LOGIC,
                 )
         if skip.text != "false":
-            step = wrapped(step, "if", Condition(runs.text), reads=tree.variables_of(runs))
+            step = wrapped(step, "if", PlainExpression(runs.text), reads=tree.variables_of(runs))
     return step
 
 
@@ -60,11 +60,14 @@ def _limit_by_condition(tree: TreeContext, step: MissionStep, running: Formula, 
     """Return a step that is skipped once a condition is false, in the way in which its parent takes that."""
     reads = tree.variables_of(running)
     if skip_as == "success":
-        return wrapped(step, "until", Condition(negate(running).text), reads=reads)
+        return wrapped(step, "until", PlainExpression(negate(running).text), reads=reads)
     if skip_as == "failure":
-        return wrapped(step, "while", Condition(running.text), reads=reads)
-    idle = MissionStep("wait_until", Condition("false"))
-    cases: dict[str, object] = {"on": Condition(as_condition(running).text), "cases": {"true": step, "false": idle}}
+        return wrapped(step, "while", PlainExpression(running.text), reads=reads)
+    idle = MissionStep("wait_until", PlainExpression("false"))
+    cases: dict[str, object] = {
+        "on": PlainExpression(as_condition(running).text),
+        "cases": {"true": step, "false": idle},
+    }
     return MissionStep("reactive_switch", cases, comments=take_comments(step), reads=reads)
 
 
@@ -91,7 +94,7 @@ def _with_ends(tree: TreeContext, element: Element, step: MissionStep, codes: Ma
     # Only a halt leaves the variable true.
     step = MissionStep("sequence", [set_step({runs: True}), step, set_step({runs: False})], comments=comments)
     cleanup = halted[0] if len(halted) == 1 else MissionStep("sequence", halted)
-    return wrapped(step, "finally", wrapped(cleanup, "if", Condition(runs), reads=(runs,)))
+    return wrapped(step, "finally", wrapped(cleanup, "if", PlainExpression(runs), reads=(runs,)))
 
 
 def _end_steps(tree: TreeContext, element: Element, code: str) -> list[MissionStep]:

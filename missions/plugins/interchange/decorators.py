@@ -3,7 +3,7 @@
 from missions.plugins.interchange.blackboard import constant_value
 from missions.plugins.interchange.context import SkipAs, TreeContext, fail_again, quantity, remark_of, set_step, word_of
 from missions.plugins.interchange.foreign_trees import is_pointer
-from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, Verbatim, wrapped
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import ForeignKind
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.scripts import as_condition, number_text, text_formula
@@ -48,7 +48,7 @@ def run_once(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) ->
     tried = MissionStep("sequence", [child, set_step({done: True})])
     failed = MissionStep("sequence", [set_step({done: True}), fail_again()])
     step = tree.add_name(MissionStep("selector", [tried, failed]), element)
-    return wrapped(step, "if", Condition(f"not {done}"), reads=(done,))
+    return wrapped(step, "if", PlainExpression(f"not {done}"), reads=(done,))
 
 
 def precondition(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep | None:
@@ -59,17 +59,17 @@ def precondition(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs
     child = tree.node(element.children[0], skip_as, kind)
     otherwise, reads = tree.port(element, kind, "else").upper(), tree.variables_of(formula)
     if otherwise == "SKIPPED":
-        return wrapped(child, "if", Condition(formula.text), remark_of(element, child), reads)
+        return wrapped(child, "if", PlainExpression(formula.text), remark_of(element, child), reads)
     if otherwise == "SUCCESS":
         cases = {
-            "on": Condition(as_condition(formula).text),
+            "on": PlainExpression(as_condition(formula).text),
             "cases": {"true": child},
             "default": MissionStep("succeed"),
         }
         return tree.add_name(MissionStep("switch", cases, reads=reads), element)
     word = "wait_until" if otherwise == "RUNNING" else "check"
     return tree.add_name(
-        MissionStep("sequence", [MissionStep(word, Condition(formula.text), reads=reads), child]), element
+        MissionStep("sequence", [MissionStep(word, PlainExpression(formula.text), reads=reads), child]), element
     )
 
 
@@ -89,7 +89,7 @@ def _for_each(
     reads: tuple[str, ...] = ()
     if is_pointer(queue):
         name = tree.pointer(queue, "queue")
-        among: object = Condition(name)
+        among: object = PlainExpression(name)
         reads = (name,)
     else:
         items = [constant_value(each) for each in queue.strip("[] ").replace(",", ";").split(";") if each.strip()]
@@ -133,8 +133,8 @@ def blackboard_check(tree: TreeContext, element: Element, kind: str, skip_as: Sk
         else:
             sides.append(_constant_formula(value, as_text=kind == "BlackboardCheckString"))
     if tree.port(element, kind, "return_on_mismatch").upper() == "SUCCESS":
-        return wrapped(child, "until", Condition(" != ".join(sides)), remark_of(element, child), reads)
-    return wrapped(child, "while", Condition(" == ".join(sides)), remark_of(element, child), reads)
+        return wrapped(child, "until", PlainExpression(" != ".join(sides)), remark_of(element, child), reads)
+    return wrapped(child, "while", PlainExpression(" == ".join(sides)), remark_of(element, child), reads)
 
 
 def _constant_formula(value: str, *, as_text: bool) -> str:

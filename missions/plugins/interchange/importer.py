@@ -7,7 +7,7 @@ from pathlib import Path
 
 from behaviours.leaf import Leaf
 from config.diagnostics import to_snake_case
-from missions.language.nodes import MISSION
+from missions.language.nodes import BOTH_ENDS, MISSION, Ends
 from missions.plugins.interchange.blackboard import (
     ANY_VALUE,
     Dataflow,
@@ -17,6 +17,7 @@ from missions.plugins.interchange.blackboard import (
     fill_call,
     give_missing_params,
 )
+from missions.plugins.interchange.dead_steps import DeadStepRemover
 from missions.plugins.interchange.foreign_trees import (
     GENERIC_TREE_NAMES,
     ForeignProject,
@@ -61,6 +62,7 @@ def import_trees(
         if tree.body is not None
     }
     interfaces = _connect(translated, names, imported.report)
+    _remove_dead_steps(translated, leaves, stubs, imported.report)
     for key, each in translated.items():
         imported.files[f"{names[key]}{MISSION_SUFFIX}"] = _text(each, interfaces[key], names[key])
     imported.missions = len(translated)
@@ -159,6 +161,28 @@ def _interface(each: TranslatedTree) -> MissionInterface:
         if entry in defaults and not is_pointer(defaults[entry]):
             found.params[variable] = constant_value(defaults[entry])
     return found
+
+
+def _remove_dead_steps(
+    translated: Mapping[int, TranslatedTree], leaves: Mapping[str, type[Leaf]], stubs: StubTable, report: ImportReport
+) -> None:
+    """Remove steps that are never reached from all missions, callees first."""
+    instant = frozenset(stub.tag for stub in stubs.stubs.values() if stub.is_instant)
+    callees = {id(step): id(call.tree) for each in translated.values() for step, call in each.calls}
+    ends: dict[int, Ends] = {}
+
+    def ends_of_mission(step: MissionStep) -> Ends:
+        key = callees.get(id(step))
+        return BOTH_ENDS if key is None else ends_of_tree(key)
+
+    def ends_of_tree(key: int) -> Ends:
+        if key not in ends:
+            ends[key] = BOTH_ENDS  # in case a tree runs itself
+            ends[key] = DeadStepRemover(leaves, instant, ends_of_mission, report).clean(translated[key].root)
+        return ends[key]
+
+    for key in translated:
+        ends_of_tree(key)
 
 
 def _set_unset_variables(each: TranslatedTree, interface: MissionInterface) -> None:

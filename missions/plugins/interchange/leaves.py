@@ -4,7 +4,7 @@ from missions.plugins.interchange.blackboard import constant_value, entry_of, ki
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
 from missions.plugins.interchange.foreign_trees import PortModel, is_pointer, model_of
 from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
-from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, Verbatim
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import COMMON_ATTRIBUTES, KINDS
 from missions.plugins.interchange.report import DIFFERS, LOST, STUB
 from missions.plugins.interchange.scripts import TEXT, Formula
@@ -45,7 +45,7 @@ def script_condition(tree: TreeContext, element: Element) -> MissionStep:
     if condition is None:
         last = script.assignments[-1].entry
         condition = Formula(tree.variable(last), tree.kinds.get(last), (last,))
-    check = MissionStep("check", Condition(condition.text), reads=tree.variables_of(condition))
+    check = MissionStep("check", PlainExpression(condition.text), reads=tree.variables_of(condition))
     steps = tree.set_steps(script.assignments)
     return MissionStep("sequence", [*steps, check]) if steps else check
 

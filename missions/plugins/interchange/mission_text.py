@@ -31,7 +31,7 @@ class Computed:
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class PlainExpression:
     """An expression where a mission takes an expression: ``rooms == 6``."""
 
     text: str
@@ -43,7 +43,8 @@ class MissionStep:
 
     ``value`` is that of its word: nothing, a plain value, a mapping of arguments, or its children. ``keys`` stand
     beside it, in order: ``name``, ``as`` and modifiers, of which each wraps all before it. ``remarks`` are comments
-    behind the lines of keys. ``reads`` and ``sets`` are variables that the step itself reads and sets.
+    behind the lines of keys. ``reads`` and ``sets`` are variables that the step itself reads and sets, ``key_reads``
+    those that its keys read. ``origin`` is the element from which the step was made.
     """
 
     word: str
@@ -54,6 +55,7 @@ class MissionStep:
     reads: tuple[str, ...] = ()
     sets: tuple[str, ...] = ()
     key_reads: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    origin: object = None
 
     @property
     def children(self) -> list["MissionStep"]:
@@ -192,7 +194,7 @@ def scalar_text(value: object, *, flow: bool = False) -> str:
             return text
         case Computed(text):
             return json.dumps(f"${{{text}}}", ensure_ascii=False)
-        case Condition(text):
+        case PlainExpression(text):
             return _expression_text(text, flow=flow)
         case None:
             return "null"

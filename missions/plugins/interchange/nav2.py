@@ -3,7 +3,7 @@
 from missions.plugins.interchange.blackboard import constant_value
 from missions.plugins.interchange.context import SkipAs, TreeContext, quantity, remark_of, set_step, word_of
 from missions.plugins.interchange.foreign_trees import is_pointer, normal_form
-from missions.plugins.interchange.mission_text import Computed, Condition, MissionStep, wrapped
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import KINDS
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.xml_reader import Element
@@ -28,7 +28,7 @@ def pipeline(tree: TreeContext, element: Element, kind: str) -> MissionStep:
             step = MissionStep("sequence", [*pause[0], step, set_step({flag: True}), *pause[1]])
             step.keys["repeat"] = "forever"
         if before:
-            ready = MissionStep("wait_until", Condition(before), reads=(before,))
+            ready = MissionStep("wait_until", PlainExpression(before), reads=(before,))
             step = MissionStep("sequence", [ready, step])
         steps.append(step)
         before = flag if not is_last else before
@@ -55,7 +55,7 @@ def _paced(tree: TreeContext, element: Element, parent: str) -> tuple[MissionSte
         goal = tree.pointer(tree.port(element, kind, "goal"), "goal")
         last = tree.names.fresh(f"last_{goal}")
         remember = MissionStep("set", {last: Computed(goal)}, reads=(goal,), sets=(last,))
-        changed = MissionStep("wait_until", Condition(f"{goal} != {last}"), reads=(goal, last))
+        changed = MissionStep("wait_until", PlainExpression(f"{goal} != {last}"), reads=(goal, last))
         return inner, ([remember], [changed])
     rate = tree.port(element, kind, "hz" if kind == "RateController" else "max_rate")
     if is_pointer(rate):
@@ -72,7 +72,7 @@ def _pause_of_distance(tree: TreeContext, element: Element, kind: str) -> Pause:
     length = tree.pointer(distance, "distance") + " * 1 m" if is_pointer(distance) else f"{distance or '1.0'} m"
     moved = f"(base.x - {x}) * (base.x - {x}) + (base.y - {y}) * (base.y - {y})"
     remember = MissionStep("set", {x: Computed("base.x"), y: Computed("base.y")}, sets=(x, y))
-    far = MissionStep("wait_until", Condition(f"{moved} >= {length} * {length}"), reads=(x, y))
+    far = MissionStep("wait_until", PlainExpression(f"{moved} >= {length} * {length}"), reads=(x, y))
     return [remember], [far]
 
 
@@ -117,6 +117,6 @@ def single_trigger(tree: TreeContext, element: Element, kind: str, skip_as: Skip
     """Return a node that runs once, and fails afterwards."""
     done = tree.names.fresh(f"{word_of(element.attributes.get('name') or 'trigger')}_done")
     tree.initial[done] = False
-    first = MissionStep("check", Condition(f"not {done}"), reads=(done,))
+    first = MissionStep("check", PlainExpression(f"not {done}"), reads=(done,))
     child = tree.node(element.children[0], skip_as, kind)
     return tree.add_name(MissionStep("sequence", [first, set_step({done: True}), child]), element)

@@ -66,6 +66,11 @@ class StubLeaf:
         self.arguments.setdefault(name, StubArgument(port)).kinds.append(kind)
 
     @property
+    def is_instant(self) -> bool:
+        """True if the leaf ends at once."""
+        return self.role == "Condition"
+
+    @property
     def class_name(self) -> str:
         """Name of its Python class."""
         words = re.sub(r"\W", "_", self.id)[:MAX_TAG_LENGTH]
@@ -128,7 +133,7 @@ def _class_text(stub: StubLeaf, name: str, file: str) -> str:
         f'    tag = "{stub.tag}"',
         f"    stub = {_python_text(f'write its update in {file}')}",
     ]
-    if stub.role == "Condition":
+    if stub.is_instant:
         lines.append("    instant = True")
     if stub.outputs:
         helps = [port.help or output for output, port in stub.outputs.items()]

@@ -61,6 +61,7 @@ def _translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent
     step = _by_kind(tree, element, kind, role, skip_as, parent)
     step.comments = [*element.comments, *description_of(element), *step.comments, *element.last_comments]
     _note_dropped(tree, element, kind)
+    step.origin = element
     return with_conditions(tree, element, step, skip_as)
 
 

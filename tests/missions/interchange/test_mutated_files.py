@@ -14,6 +14,7 @@ import pytest
 
 from behaviours.catalogue import LEAVES
 from config.diagnostics import InvalidFileError, SourceText
+from config.file_io import read_regular
 from config.yaml_nodes import compose
 from missions.plugins.interchange import xml_reader
 from missions.plugins.interchange.importer import ImportedProject, import_trees
@@ -119,7 +120,6 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     inside = tmp_path / "inside"
     inside.mkdir()
     (inside / "other.xml").write_text('<root><BehaviorTree ID="Other"><AlwaysSuccess/></BehaviorTree></root>')
-    read_regular = xml_reader.read_regular
 
     def read_inside(path: Path, max_bytes: int) -> bytes:
         assert Path(realpath(path)).is_relative_to(inside), f"{path} is outside"

@@ -117,7 +117,7 @@ def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> N
         "      - grasp",
         "      - sequence:",
         "          - set: {n: 2}",
-        '          - fail: "${failure}"',
+        "          - fail",
     ]
     assert lines('_onHalted="n = 2"') == [
         "  - sequence:",
@@ -126,7 +126,7 @@ def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> N
         "          - grasp",
         "          - sequence:",
         "              - set: {grasp_runs: false}",
-        '              - fail: "${failure}"',
+        "              - fail",
         "      - set: {grasp_runs: false}",
         "    finally:",
         "      set: {n: 2}",

@@ -1,0 +1,130 @@
+"""Removal of steps that are never reached, and of modifiers without effect: `mission check` refuses both.
+
+BehaviorTree.CPP accepts them, and they change nothing there.
+"""
+
+from collections.abc import Callable, Mapping
+
+from behaviours.leaf import Leaf
+from missions.language.nodes import (
+    BOTH_ENDS,
+    COMPOSITES,
+    FAILURE,
+    FOR_EACH,
+    MISSION,
+    MODIFIERS,
+    RESTART,
+    SKIPPED,
+    SUCCESS,
+    SWITCHES,
+    Ends,
+    ModifierKind,
+)
+from missions.plugins.interchange.mission_text import MissionStep, Verbatim
+from missions.plugins.interchange.report import LOST, ImportReport
+from missions.plugins.interchange.xml_reader import Element
+
+EndsOfMission = Callable[[MissionStep], Ends]
+"""Function that returns the possible ends of the mission that a step runs."""
+
+
+class DeadStepRemover:
+    """Removes dead steps of one mission, and computes with which results it can end.
+
+    ``instant_stubs`` are the tags of stubs that end at once.
+    """
+
+    def __init__(
+        self,
+        leaves: Mapping[str, type[Leaf]],
+        instant_stubs: frozenset[str],
+        ends_of_mission: EndsOfMission,
+        report: ImportReport,
+    ) -> None:
+        self._leaves, self._instant_stubs, self._ends_of_mission = leaves, instant_stubs, ends_of_mission
+        self._report = report
+
+    def clean(self, step: MissionStep) -> Ends:
+        """Remove dead steps below ``step``; return the results with which it can end, empty if it never ends."""
+        ends = self._ends_of_word(step)
+        for key, value in list(step.keys.items()):
+            kind = MODIFIERS.get(key)
+            if isinstance(value, MissionStep):
+                self.clean(value)
+            if kind is None:
+                continue
+            if (kind.relevant_end and kind.relevant_end not in ends) or (
+                key in ("timeout", "on_running") and self._is_instant(step, key)
+            ):
+                del step.keys[key]
+                self._note(step, f"'{key}' has no effect here")
+                continue
+            ends = _after_modifier(kind, ends, forever=value in ("forever", Verbatim("forever")))
+        return ends
+
+    def _is_instant(self, step: MissionStep, key: str) -> bool:
+        """Return whether a step is a leaf that ends at once, without a modifier before ``key``."""
+        before = list(step.keys)[: list(step.keys).index(key)]
+        if any(each in MODIFIERS for each in before):
+            return False
+        leaf = self._leaves.get(step.word)
+        return step.word in self._instant_stubs or (leaf is not None and leaf.instant and not leaf.needs)
+
+    def _ends_of_word(self, step: MissionStep) -> Ends:
+        if step.word == MISSION:
+            return self._ends_of_mission(step)
+        composite = COMPOSITES.get(step.word)
+        if composite is not None and composite.order == "in order":
+            return self._clean_in_order(step, composite.passes)
+        below = [self.clean(child) for child in step.branches]
+        if step.word in SWITCHES:
+            complete = isinstance(step.value, dict) and "default" in step.value
+            return frozenset().union(*below) | (frozenset() if complete or _has_both_cases(step) else {FAILURE})
+        if step.word == FOR_EACH:
+            return below[0] | {SUCCESS}
+        if composite is None:
+            leaf = self._leaves.get(step.word)
+            return BOTH_ENDS if leaf is None else leaf.ends
+        if not composite.passes:
+            return frozenset().union(*below) - {SKIPPED}
+        if step.keys.keys() & {"success_count", "failure_count", "wait_for_all"}:
+            return BOTH_ENDS
+        return _all_or_one(below, composite.passes)
+
+    def _clean_in_order(self, step: MissionStep, passes: str) -> Ends:
+        """Remove the children behind one that always ends the composite."""
+        below, children = list[Ends](), step.branches
+        for number, child in enumerate(children):
+            below.append(self.clean(child))
+            if below[-1].isdisjoint({passes, SKIPPED}) and number + 1 < len(children):
+                if isinstance(step.value, list):
+                    step.value = children[: number + 1]
+                for dead in children[number + 1 :]:
+                    self._note(dead, "is never reached")
+                break
+        return _all_or_one(below, passes)
+
+    def _note(self, step: MissionStep, text: str) -> None:
+        origin = next((each.origin for each in step.walk() if isinstance(each.origin, Element)), None)
+        if origin is not None:
+            self._report.add(LOST, origin, text)
+
+
+def _has_both_cases(step: MissionStep) -> bool:
+    return isinstance(step.value, dict) and set(step.value.get("cases", {})) >= {"true", "false"}
+
+
+def _after_modifier(kind: ModifierKind, ends: Ends, *, forever: bool) -> Ends:
+    ways = {SUCCESS: kind.success, FAILURE: kind.failure, SKIPPED: frozenset({SKIPPED})}
+    passed = (ways[end] - {RESTART} for end in ends if not (forever and kind.without_limit(end)))
+    return kind.early_ends.union(*passed)
+
+
+def _all_or_one(below: list[Ends], passes: str) -> Ends:
+    """Return the results of a composite that ends with ``passes`` if all its children do."""
+    other = FAILURE if passes == SUCCESS else SUCCESS
+    found = {other} if any(other in each for each in below) else set[str]()
+    if not any(each.isdisjoint({passes, SKIPPED}) for each in below):
+        found |= {passes} if any(passes in each for each in below) else set()
+        found |= {SKIPPED} if all(SKIPPED in each for each in below) else set()
+    return frozenset(found)
