@@ -24,7 +24,7 @@ Count = Annotated[int, inside(low=0, wrong="how often '{}' has to start needs a 
 
 @keys
 class MockTurnKeys:
-    """Keys of an entry of ``then``, if it has an outcome of its own."""
+    """Keys of one entry of the list ``then`` of a mock: the outcome of one of the mock's later starts."""
 
     does: str = key(default="", help="Outcomes of the mock; `succeeds` if only a `result` is given.")
     result: object = key(

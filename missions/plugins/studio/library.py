@@ -81,7 +81,7 @@ def _param(param: Param) -> dict[str, object]:
 
 
 def _text(value: object) -> str:
-    """Return a default as a caller writes it."""
+    """Return the default value of a param as text, as a user writes it in the form."""
     return list_text(value) if isinstance(value, list) else format_value(value)
 
 

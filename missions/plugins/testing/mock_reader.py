@@ -91,7 +91,7 @@ class _MockReader:
 
     @property
     def _has_result_member(self) -> bool:
-        """Whether the output may be a record with a member of the name ``result``."""
+        """Whether the mocked output may be a record that has a member named ``result``."""
         records = [kind for kind in self._kinds if isinstance(kind, RecordKind)]
         return None in self._kinds or any(
             kind.other_kind is not None or "result" in settable_members(kind) for kind in records

@@ -110,7 +110,7 @@ class ResultReader:
 
 
 def has_kind(value: object, kind: str) -> bool:
-    """Return whether a plain value is of a kind: true or false, or a number of the dimension."""
+    """Return whether a plain value has the type ``kind``: a flag, or a number of this dimension."""
     found = kind_of_value(value)
     if not is_numeric(found) or not is_numeric(kind):
         return found == kind == FLAG
