@@ -54,7 +54,8 @@ class Node(Behaviour):
     ``scope`` holds the variables of its mission. ``feedback_message`` (of py_trees) is the reason of a failure or a
     wait. ``visited_tick`` is the number of the last tick of the node. ``suspension`` is set if a silent sensor
     prevented a result in that tick. ``is_skipped`` is true for a node with the status SUCCESS whose behaviour did not
-    start because of an ``if``: its parent continues as if the node were not in the list.
+    start because of an ``if``: its parent continues as if the node were not in the list. ``in_finally`` is true within
+    the ``finally`` of another node: the robot refuses each command of the node that could move something.
 
     Each class lists the attributes that decide its next status: ``run_state`` while it runs, ``lasting_state`` at any
     time. ``mission verify`` treats nodes with equal values as the same state.
@@ -69,6 +70,7 @@ class Node(Behaviour):
     file = ""
     suspension: Suspension | None = None
     is_skipped = False
+    in_finally = False
     _silent_since: float | None = None
     run: RunState
     scope: dict[str, object]

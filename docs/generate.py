@@ -37,7 +37,8 @@ from missions.codec import message_fields
 from missions.control.messages import ERRORS, MESSAGES
 from missions.language import expressions, operators
 from missions.language.check_context import MAX_DEPTH, MAX_STEPS
-from missions.language.nodes import COMPOSITES, MODIFIERS
+from missions.language.modifiers import MAX_HALT_LIMIT
+from missions.language.nodes import COMPOSITES, MODIFIER_KEYS, MODIFIERS
 from missions.language.operators import FUNCTIONS
 from missions.language.parallel_counts import COUNTS
 from missions.language.param_types import PARAM_TYPES
@@ -61,9 +62,13 @@ def composites() -> str:
 
 
 def modifiers() -> str:
-    """Return the table of the modifiers."""
-    rows = ((markdown_code(word), each.takes, each.help) for word, each in MODIFIERS.items())
-    return markdown_table(("word", "takes", "what it does"), rows)
+    """Return the table of the modifiers, and of the keys beside them."""
+    rows = [(markdown_code(word), each.takes, each.help) for word, each in MODIFIERS.items()]
+    keys = [
+        (f"{markdown_code(word)} beside {markdown_code(only)}", takes, text)
+        for word, (only, takes, text) in MODIFIER_KEYS.items()
+    ]
+    return markdown_table(("word", "takes", "what it does"), rows + keys)
 
 
 def counts() -> str:
@@ -77,6 +82,7 @@ def mission_limits() -> str:
     rows = (
         ("steps, those of sub-missions counted each time", f"{MAX_STEPS:,}"),
         ("depth of the tree, with modifiers and sub-missions", f"{MAX_DEPTH}"),
+        ("time of a `finally`", f"{Leaf.halt_limit:g} s, with `halt_limit` at most {MAX_HALT_LIMIT:g} s"),
         ("size of a file", f"{MAX_BYTES // 10**6} MB"),
         ("values in a file, aliases counted each time", f"{MAX_NODES:,}"),
         ("lists and mappings inside one another in a file", f"{yaml_nodes.MAX_DEPTH}"),

@@ -96,7 +96,7 @@ class Joints(Device, Protocol):
         """
         ...
 
-    @command("before", converters={"joints": tuple})
+    @command("before", converters={"joints": tuple}, releases=True)
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off. Safe from any state, and raises as ``hold``."""
         ...

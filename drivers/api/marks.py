@@ -35,9 +35,10 @@ class CommandMark:
 
     ``report`` is the time of the report: before the device gets the command, after it has accepted it, or never.
     ``moves`` tells whether the command starts a motion and so needs a permit: always, never, or a function of its
-    arguments. ``converters`` convert arguments for the record and the device. ``leaf_converters`` convert arguments of
-    commands from a leaf; they may raise BadRequest. ``default_reply`` takes the part and the arguments, and returns the
-    reply in a replay to a command that differs from the record.
+    arguments. ``releases`` marks a command that makes joints limp, so that they may fall. ``converters``
+    convert arguments for the record and the device. ``leaf_converters`` convert arguments of commands from a leaf; they
+    may raise BadRequest. ``default_reply`` takes the part and the arguments, and returns the reply in a replay to a
+    command that differs from the record.
     """
 
     report: Literal["before", "after", "never"]
@@ -45,6 +46,7 @@ class CommandMark:
     converters: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
     leaf_converters: Mapping[str, Callable[[Any], object]] = field(default_factory=dict)
     default_reply: Callable[..., object] = reply_none
+    releases: bool = False
 
 
 def command(
@@ -54,9 +56,10 @@ def command(
     converters: Mapping[str, Callable[[Any], object]] | None = None,
     leaf_converters: Mapping[str, Callable[[Any], object]] | None = None,
     default_reply: Callable[..., object] = reply_none,
+    releases: bool = False,
 ) -> Callable[[F], F]:
     """Mark a method as a command; see ``CommandMark``."""
-    return _set_mark(CommandMark(report, moves, converters or {}, leaf_converters or {}, default_reply))
+    return _set_mark(CommandMark(report, moves, converters or {}, leaf_converters or {}, default_reply, releases))
 
 
 def fixed(member: F) -> F:

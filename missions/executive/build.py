@@ -1,6 +1,7 @@
 """Builds the tree of py_trees nodes of a mission from its checked plan."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 
 from behaviours.leaf import Leaf
@@ -16,9 +17,9 @@ from missions.executive.parent import Parent
 from missions.executive.state import BoundCondition
 from missions.executive.submission import Submission
 from missions.language.arguments import CONDITION_KIND
-from missions.language.expressions import Value, as_quantity
+from missions.language.expressions import Value, as_quantity, reads_failure
 from missions.language.kinds import kind_of_type
-from missions.language.nodes import FOR_EACH, MISSION, WAIT_FOR
+from missions.language.nodes import FAILURE_NAME, FINALLY, FOR_EACH, MISSION, WAIT_FOR, provides_failure
 from missions.language.plan import Plan, Step
 
 RobotFor = Callable[[Node], Robot]
@@ -76,15 +77,35 @@ class TreeBuilder:
         self._shared_variables = shared_variables
         self.stub_faults: list[Diagnostic] = []
 
-    def build(self, step: Step, key: str, scope: Scope) -> Node:
-        """Build a step and its children; ``scope`` holds the variables of its mission."""
+    def build(
+        self, step: Step, key: str, scope: Scope, failure: Scope | None = None, *, in_finally: bool = False
+    ) -> Node:
+        """Build a step and its children; ``scope`` holds the variables of its mission.
+
+        ``failure`` holds the reason of the last failure around the step. A step ``in_finally`` must not move anything.
+        """
+        if failure is not None and step.reads_failure:
+            bound = {name: _with_failure(value, failure) for name, value in step.arguments.items()}
+            step = replace(step, arguments=bound)
         inner = dict(self._shared_variables) if step.kind == MISSION else scope
         whole = None if step.leaf is not None or step.kind in MODIFIERS else self._substitute(step, None)
         if whole is not None:
             whole.output_variable = step.output_variable
+            whole.in_finally = in_finally
             return self._set_position(whole, step, key, scope)
-        children = [self.build(child, f"{key}.{place}", inner) for place, child in enumerate(step.children, start=1)]
-        return self._set_position(self._node(step, children, inner), step, key, scope)
+        own_failure: Scope = {FAILURE_NAME: ""}
+        is_read, children = False, []
+        for place, child in enumerate(step.children):
+            reads_own = provides_failure(step.kind, place)
+            is_read = is_read or (reads_own and child.reads_failure)
+            around = own_failure if reads_own else None if step.kind == MISSION else failure
+            is_cleanup = in_finally or (step.kind == FINALLY and place > 0)
+            children.append(self.build(child, f"{key}.{place + 1}", inner, around, in_finally=is_cleanup))
+        node = self._node(step, children, inner)
+        node.in_finally = in_finally
+        if is_read and isinstance(node, Parent):
+            node.failure = own_failure
+        return self._set_position(node, step, key, scope)
 
     def _set_position(self, node: Node, step: Step, key: str, scope: Scope) -> Node:
         """Set the key, the place in the mission file, the run and the scope of a node; return the node."""
@@ -127,6 +148,11 @@ def _set_arguments(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
             computed[name] = _resolver(value, scope)
     leaf.computed = computed
     return leaf
+
+
+def _with_failure(value: Value, failure: Scope) -> Value:
+    """Return the value, bound to the reason of a failure if it reads that."""
+    return replace(value, local_names=failure) if reads_failure(value) else value
 
 
 def _condition_text(text: str) -> str:

@@ -26,13 +26,15 @@ class _ReactiveComposite(Composite):
     passes: ClassVar[Status]
     current_child: Behaviour | None
     _running: Node | None = None
-    _retiring: Node | None = None
+    _retiring: tuple[Node, ...] = ()
     _stood = False
     _ended: Node | None = None
 
     def begin(self) -> None:
-        self._running = self._retiring = self._ended = None
+        self._running = self._ended = None
+        self._retiring = ()
         self._stood = False
+        self.keep_failure("")
 
     def on_running(self) -> Status:
         if not self._is_retired():
@@ -50,6 +52,8 @@ class _ReactiveComposite(Composite):
                 return self._suspend_with(child, running)
             if not self._leads_on(child, status):
                 break
+            if status is FAILURE:
+                self.keep_failure(child.feedback_message)
         if self._stood:
             self._halt_others(child)
         self._running = child if status is RUNNING else None
@@ -91,6 +95,8 @@ class _ReactiveComposite(Composite):
         self._running = None
         if status is self.passes:
             self._ended = behind
+            if status is FAILURE:
+                self.keep_failure(behind.feedback_message)
             return RUNNING
         self.suspension, self.feedback_message = None, behind.feedback_message
         return self.end(status)
@@ -99,8 +105,9 @@ class _ReactiveComposite(Composite):
         """Halt all running children except ``child``, after the composite has waited for a suspended child."""
         self._stood, self._ended = False, None
         for other in self.members:
-            if other is not child and other is not self._retiring and other.status is RUNNING and not other.halt():
-                self._retiring = other
+            is_halting = other in self._retiring
+            if other is not child and not is_halting and other.status is RUNNING and not other.halt():
+                self._retiring += (other,)
 
     def member_ended(self, member: Node, status: Status) -> Status:
         self._stood = True
@@ -109,13 +116,15 @@ class _ReactiveComposite(Composite):
         if status is not self.passes:
             return self.end(super().member_ended(member, status))
         self._ended = member
+        if status is FAILURE:
+            self.keep_failure(member.feedback_message)
         return RUNNING
 
     def _is_retired(self) -> bool:
-        """Continue to halt a preempted child; return True once it is at rest, or if no child is being halted."""
-        if self._retiring is not None and self._retiring.halt():
-            self._retiring = None
-        return self._retiring is None
+        """Continue to halt preempted children; return True once all are at rest, or if no child is being halted."""
+        if self._retiring:
+            self._retiring = tuple([child for child in self._retiring if not child.halt()])
+        return not self._retiring
 
     def _tick_before(self, child: Node, behind: Node) -> Status:
         """Tick ``child``, which has priority over the running child ``behind``; if it takes over, halt ``behind``.
@@ -130,7 +139,7 @@ class _ReactiveComposite(Composite):
         finally:
             preemptible.pop()
         if child.suspension is None and not self._leads_on(child, status) and not behind.halt():
-            self._retiring = behind
+            self._retiring += (behind,)
         if status is not child.status:
             child.publish(status)
         return status
@@ -173,6 +182,7 @@ class OrderedComposite(Composite):
         self._has_passed = False
         self._lost = None
         self.order = self.members
+        self.keep_failure("")
 
     def on_running(self) -> Status:
         order, passes, index = self.order, self.passes, self._index
@@ -186,6 +196,8 @@ class OrderedComposite(Composite):
             if (status is not passes and not skipped) or index == last:
                 break
             self._has_passed = self._has_passed or not skipped
+            if status is FAILURE:
+                self.keep_failure(child.feedback_message)
             if child.suspension is not None:
                 self._lost = child.suspension
             index += 1
@@ -223,6 +235,8 @@ class OrderedComposite(Composite):
             return super().member_ended(member, status)
         self._lost = self._lost or member.suspension
         self._has_passed = True
+        if status is FAILURE:
+            self.keep_failure(member.feedback_message)
         self._index += 1  # the next child starts at the next tick
         return RUNNING
 

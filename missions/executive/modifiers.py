@@ -5,11 +5,12 @@ from typing import ClassVar, Self
 
 from py_trees.common import Status
 
-from behaviours.node import Node
+from behaviours.node import Node, reset_all
 from config.units import quantity_text
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
 from missions.executive.state import unmeasured_reason
 from missions.language.expressions import Expression, Value
+from missions.language.nodes import CLEANUP_CLAIMS, FINALLY
 from missions.language.plan import Step
 
 # Modifiers with times.
@@ -205,23 +206,45 @@ class UntilModifier(ConditionModifier):
 class RetryModifier(Modifier):
     """Restarts the node at the next tick after a failure, without a backoff.
 
-    The setting is the number of attempts, None for no limit.
+    The setting is the number of attempts, None for no limit. A second member, the ``recovery``, starts at the next tick
+    after each failed attempt but the last; the next attempt starts at the next tick after its end. Its result does not
+    count, and a halt of this node halts it like the node.
     """
 
-    run_state = ("setting", "_attempts")
+    run_state = ("setting", "_attempts", "_recovers")
     _attempts = 0
+    _recovers = False  # an attempt has failed, and the recovery has not ended yet
+
+    @property
+    def recovery(self) -> Node | None:
+        """Node that runs between two attempts, if any."""
+        return self.members[1] if len(self.members) > 1 else None
 
     def begin(self) -> None:
         self._attempts = 0
+        self._recovers = False
 
     def on_running(self) -> Status:
+        if self._recovers and (recovery := self.recovery) is not None:
+            return self.member_ended(recovery, recovery.execute_tick())
         if self.child.status is not RUNNING:
             self._attempts += 1
-            self.child.reset()
+            reset_all(self.members)
         return self.tick_child()
 
+    def member_ended(self, member: Node, status: Status) -> Status:
+        if member is not self.recovery:
+            return super().member_ended(member, status)
+        self.feedback_message, self.suspension = member.feedback_message, member.suspension
+        self._recovers = status is RUNNING
+        return RUNNING
+
     def conclude(self, status: Status) -> Status:
-        return RUNNING if status is FAILURE and self._attempts != self.setting else status
+        if status is not FAILURE or self._attempts == self.setting:
+            return status
+        self.keep_failure(self.feedback_message)
+        self._recovers = self.recovery is not None
+        return RUNNING
 
 
 class RepeatModifier(Modifier):
@@ -333,6 +356,68 @@ class OnceModifier(Modifier):
         return status
 
 
+class FinallyModifier(Modifier):
+    """Runs its second member, the ``cleanup``, once after the node has ended or was halted; then it ends as the node.
+
+    The cleanup is part of the end, or of the halt: no other node starts before it is over. It is halted after the
+    setting (s). It runs while time passes without ticks, too, since it cannot move anything: ``check`` refuses leaves
+    that claim an actuator, a cleanup that claims one all the same is not run, and the robot refuses its commands (see
+    ``Node.in_finally``). It does not run if the node was skipped.
+    """
+
+    run_state = ("setting", "_cleanup_since")
+    _cleanup_since: float | None = None
+    _cleanup_tick = -1
+
+    @property
+    def cleanup(self) -> Node:
+        """Node that runs at the end."""
+        return self.members[1]
+
+    def begin(self) -> None:
+        self._cleanup_since = None
+        reset_all(self.members)
+
+    def conclude(self, status: Status) -> Status:
+        return RUNNING if status is RUNNING else self.end(status)
+
+    def end(self, status: Status) -> Status:
+        """Halt the node, then run the cleanup; return ``status`` once that is over, RUNNING until then."""
+        self.ending, self._ending_for = status, self.suspension
+        if not self.child.halt() or not self._clean_up():
+            return RUNNING
+        self.ending = self._ending_for = None
+        return status
+
+    def _clean_up(self) -> bool:
+        """Start the cleanup, or tick it; return whether it is over. It is ticked once in a tick of the run."""
+        run, cleanup = self.run, self.cleanup
+        now = run.now()
+        if self._cleanup_since is None:
+            if not cleanup.claims <= CLEANUP_CLAIMS:
+                return True
+            self._cleanup_since = now
+            self.keep_failure(self.feedback_message if self.child.status is FAILURE else "")
+        elif now - self._cleanup_since >= self.setting or cleanup.status is not RUNNING:
+            return cleanup.halt()
+        elif self._cleanup_tick == run.tick:
+            return False
+        self._cleanup_tick = run.tick
+        # A halt may come from a leaf that is about to start. It waits for this node, which must not wait for it.
+        leaf, preemptible = run.active_leaf, run.preemptible
+        run.preemptible = [node for node in preemptible if self not in node.iterate()]
+        try:
+            return cleanup.execute_tick() is not RUNNING
+        finally:
+            run.active_leaf, run.preemptible = leaf, preemptible
+
+    def clear_results(self, cleared: list[Node]) -> None:
+        """Clear all results; a cleanup that still runs, at the deadline of the final halt, is halted first."""
+        if self.cleanup.status is RUNNING:
+            self.cleanup.halt()
+        super().clear_results(cleared)
+
+
 MODIFIERS: Mapping[str, type[Modifier]] = {
     "if": IfModifier,
     "while": WhileModifier,
@@ -349,4 +434,5 @@ MODIFIERS: Mapping[str, type[Modifier]] = {
     "delay": DelayModifier,
     "cooldown": CooldownModifier,
     "once": OnceModifier,
+    FINALLY: FinallyModifier,
 }

@@ -10,6 +10,7 @@ from py_trees.decorators import Decorator
 from behaviours.node import Node, Suspension, reset_all, sensor_timeout_reason
 from drivers.errors import NotConnected
 from missions.language.expressions import ExpressionError, Value
+from missions.language.nodes import FAILURE_NAME
 from missions.language.plan import Step
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
@@ -23,12 +24,16 @@ class Parent(Node):
 
     A parent is suspended if its own expression reads a part that does not report, or if its status is that of a
     suspended member. In the first case it waits, and fails after the sensor timeout.
+
+    ``failure`` holds the reason of the last failure below, under FAILURE_NAME, for expressions of later members. It is
+    None if no expression reads it.
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted", "_ending_for", "_silent_since")
     members: tuple[Node, ...] = ()
     ending: Status | None = None
     unstarted = False
+    failure: dict[str, object] | None = None
     _ending_for: Suspension | None = None  # the suspension that ends it
 
     @classmethod
@@ -142,6 +147,11 @@ class Parent(Node):
         self._ending_for = None if at_rest else self.suspension
         return status if at_rest else RUNNING
 
+    def keep_failure(self, reason: str) -> None:
+        """Keep the reason of a failure for the expressions that read it; empty after any other end."""
+        if self.failure is not None:
+            self.failure[FAILURE_NAME] = reason
+
     def adopt_failure(self, member: Node) -> Status:
         """Return a failure with the reason of ``member``."""
         self.feedback_message = member.feedback_message
@@ -200,7 +210,7 @@ def last_unskipped(members: Sequence[Node], passes: Status) -> Node | None:
     return next((member for member in reversed(members) if member.status is passes and not member.is_skipped), None)
 
 
-def set_children(parent: Composite, children: Sequence[Node]) -> None:
+def set_children(parent: Parent, children: Sequence[Node]) -> None:
     """Set the children of ``parent``: the list that py_trees uses, and the tuple that our nodes tick."""
     for child in children:
         child.parent = parent
@@ -212,7 +222,7 @@ def set_children(parent: Composite, children: Sequence[Node]) -> None:
 
 
 class Modifier(Parent, Decorator):
-    """A node around one child.
+    """A node around its first child.
 
     ``value`` is the modifier's value as in the mission, ``setting`` as evaluated when the node starts. If the child is
     skipped, the modifier is skipped as well.
@@ -231,7 +241,9 @@ class Modifier(Parent, Decorator):
     @classmethod
     def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
         del inner
-        return cls(step.name, children[0], step.arguments["value"])
+        modifier = cls(step.name, children[0], step.arguments["value"])
+        set_children(modifier, children)
+        return modifier
 
     def on_start(self) -> str:
         self.since = self.run.now()

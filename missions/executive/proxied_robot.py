@@ -26,7 +26,7 @@ from drivers.api.driver import resolve_name
 from drivers.api.kinds import KINDS
 from drivers.api.marks import commands
 from drivers.errors import DeviceFault
-from missions.executive.proxy import CommandReport, Permit, Proxy, for_leaf, make_proxy, permit_all
+from missions.executive.proxy import CommandReport, Permit, Proxy, for_leaf, make_proxy, permit_all, refuse_motion
 from missions.executive.tick_cache import PartCache, TickCache
 
 # Proxy of a voice, written by hand: utterances are identified by numbers, from 1.
@@ -210,10 +210,14 @@ def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) ->
 def robot_for(node: Node, robot: Robot, report: CommandReport) -> Robot:
     """Return ``robot`` for the leaf ``node``: its commands are passed to ``report`` with the leaf's name.
 
-    The parts of ``robot`` must have proxies.
+    The parts of ``robot`` must have proxies. To a leaf within a ``finally``, they refuse every command that could move
+    something, from any thread and at any time.
     """
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
-    proxies = {part: for_leaf(proxy, source, report) for part, kind, proxy in _iter_parts(robot) if command_names(kind)}
+    permit = refuse_motion if node.in_finally else None
+    proxies = {
+        part: for_leaf(proxy, source, report, permit) for part, kind, proxy in _iter_parts(robot) if command_names(kind)
+    }
     return _replace_parts(robot, proxies).with_named_parts(getattr(node, "named_parts", {}))
 
 

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from drivers.api import Base, Device, Head, Joints, Sounds
 from drivers.api.marks import CommandMark, ProtocolMember, members
-from drivers.errors import DriverError
+from drivers.errors import DeviceFault, DriverError
 from missions.executive.tick_cache import PartCache, TickCache
 
 CommandValues = Mapping[str, object]
@@ -87,6 +87,12 @@ def permit_all(device: Device) -> None:
     del device
 
 
+def refuse_motion(device: Device) -> None:
+    """Raise DeviceFault: the permit of a behaviour within ``finally``, whatever it claims to drive."""
+    del device
+    raise DeviceFault("kept still: a behaviour in 'finally' must not move anything", hint="do it before the end")
+
+
 class Proxy:
     """Base of all proxies: the ``device``, the ``memo`` with its cached values, and the report of commands.
 
@@ -102,18 +108,19 @@ class Proxy:
         self._source = ""
         self._tell: CommandReport | None = None
 
-    def for_leaf(self, source: str, tell: CommandReport) -> Any:
+    def for_leaf(self, source: str, tell: CommandReport, permit: Permit | None = None) -> Any:
         """Return a copy of this proxy for one leaf, with the same device and cache.
 
-        ``tell`` is called with each command and ``source``, the leaf's name.
+        ``tell`` is called with each command and ``source``, the leaf's name. A ``permit`` replaces that of this proxy.
         """
         leafs = object.__new__(type(self))
         for name in (*Proxy.__slots__, *self.__slots__):
             setattr(leafs, name, getattr(self, name))
         leafs._source, leafs._tell = source, tell
+        leafs._permit = self._permit if permit is None else permit
         for name in self.CAPABILITIES:
             if (found := getattr(self, name)) is not None:
-                setattr(leafs, name, found.for_leaf(source, tell))
+                setattr(leafs, name, found.for_leaf(source, tell, permit))
         return leafs
 
 
@@ -145,11 +152,14 @@ def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
     return reading
 
 
-def for_leaf(part: T, source: str, tell: CommandReport) -> T:
-    """Return the proxy of a part for one leaf; ``tell`` is called with its commands and ``source``, the leaf's name."""
+def for_leaf(part: T, source: str, tell: CommandReport, permit: Permit | None = None) -> T:
+    """Return the proxy of a part for one leaf; ``tell`` is called with its commands and ``source``, the leaf's name.
+
+    A ``permit`` replaces that of ``part``.
+    """
     if not isinstance(part, Proxy):
         raise TypeError(f"{part!r} is not a proxy: call `with_proxies` first")
-    leafs: T = part.for_leaf(source, tell)
+    leafs: T = part.for_leaf(source, tell, permit)
     return leafs
 
 
@@ -230,6 +240,9 @@ class _ProxySourceWriter:
         name, arguments = member.name, f"({_parameter_names(member)}{',' if member.parameters else ''})"
         yield "tell = self._tell"
         yield from self._convert_arguments(member, command)
+        if command.releases:
+            yield f"if self._permit is {self._bind_name('refuse_motion', refuse_motion)}:"
+            yield "    self._permit(self._device)"
         if command.report == "before":
             yield from self._report_lines(member, command, arguments, "None")
         yield "memo, answers = self._memo, self._answers"

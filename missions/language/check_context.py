@@ -1,7 +1,8 @@
 """State of the checker while it reads a mission, and the errors found."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import field
 from pathlib import Path
 from typing import get_origin
@@ -23,6 +24,7 @@ from missions.language.expressions import (
 )
 from missions.language.inference import ExpressionLocation, find_mismatches
 from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS, Kind, kind_of_value, members_of
+from missions.language.nodes import FAILURE_NAME
 from missions.language.operators import FUNCTIONS
 from missions.language.plan import Step
 
@@ -47,6 +49,13 @@ def find_no_mission(name: str, beside: Path) -> Path:
 FLAG_WORDS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
 """Words that other systems use for true and false, each with the word that missions use."""
 
+
+FAILURE_WORDS = frozenset(
+    {"cause", "error", "error_message", "exception", "failure_reason", "fault", "last_error", "last_failure", "reason"}
+)
+"""Words of other languages for the reason of a failure."""
+
+FAILURE_HINT = "read it in a later child of a selector, in 'recover' or in 'finally'"
 
 _OTHER_SYNTAX = re.compile(
     r"\$(?P<shell>[\w.]+)|\{\{\s*(?P<jinja>[\w.]+)\s*\}\}|\{(?P<tree>[\w.]+)\}|\$\((?P<make>[\w.]+)\)"
@@ -83,7 +92,8 @@ class CheckContext:
     ``has_unreadable_line`` is true if a line of the file could not be read. ``has_unreadable_mission`` is true if a
     sub-mission could not be read; it may return any variable.
     ``file_chain`` are the files from the main mission down to this one. ``steps`` are the places of all steps read so
-    far in all files; ``depth`` is the number of steps above the present one.
+    far in all files; ``depth`` is the number of steps above the present one. ``is_failure_readable`` is true where an
+    expression may read the reason of a failure.
     """
 
     source: SourceText
@@ -100,6 +110,14 @@ class CheckContext:
     has_unreadable_line: bool = False
     has_unreadable_mission: bool = False
     depth: int = 0
+    is_failure_readable: bool = False
+
+    @contextmanager
+    def failure_readable(self, readable: bool) -> Iterator[None]:
+        """Set ``is_failure_readable`` within the context."""
+        before, self.is_failure_readable = self.is_failure_readable, readable
+        yield
+        self.is_failure_readable = before
 
     @property
     def leaves(self) -> Mapping[str, type[Leaf]]:
@@ -143,7 +161,7 @@ class CheckContext:
         """Check a name that the mission gives to a param or a variable; ``label`` begins an error message."""
         if not node.text.isidentifier():
             self.fault(node.mark, f"{label} needs a plain word, got {quoted_value(node.text)}", "such as 'last_seen'")
-        elif node.text in {*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS}:
+        elif node.text in {*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, FAILURE_NAME}:
             self.fault(node.mark, f"{label} cannot be '{node.text}', which is reserved in expressions")
 
     def read_value(self, node: Scalar, label: str, convert: Convert, wanted_kind: Kind = "") -> Value:
@@ -222,6 +240,8 @@ class CheckContext:
     def _check_name(self, node: Scalar, read: NameReference, label: str) -> bool:
         """Report an unknown name or member; return whether it is known."""
         self.read_names.add(read.name)
+        if read.name == FAILURE_NAME:
+            return self._check_failure(node, read, label)
         if read.name in self.variable_leaves:
             return self._check_member(node, read, label, self.variable_leaves[read.name])
         if read.name in self.params or read.name in self.variables or read.member in STATE_KINDS.get(read.name, ()):
@@ -230,6 +250,18 @@ class CheckContext:
             mark = ExpressionLocation(self.source, node, label).place(read.column, read.length)
             alone = self._is_never_set(read.name)
             self.fault(mark, f"{label}: unknown name {quoted_value(read.dotted)}", self._name_hint(read), certain=alone)
+        return False
+
+    def _check_failure(self, node: Scalar, read: NameReference, label: str) -> bool:
+        """Report the reason of a failure where none can be read, or a member of it; return whether it can be read."""
+        if self.is_failure_readable and not read.member:
+            return True
+        message, hint = f"'{FAILURE_NAME}' is a text: it has no {quoted_value(read.member)}", ""
+        if not self.is_failure_readable:
+            message = f"no failure can be read here: '{FAILURE_NAME}' is the reason of the last failure"
+            hint = FAILURE_HINT
+        mark = ExpressionLocation(self.source, node, label).place(read.column, read.length)
+        self.fault(mark, f"{label}: {message}", hint)
         return False
 
     def _is_never_set(self, name: str) -> bool:
@@ -263,6 +295,8 @@ class CheckContext:
         if to_snake_case(read.name) in FLAG_WORDS and not read.member:
             flag = f"write '{FLAG_WORDS[to_snake_case(read.name)]}'"
             return f"{flag}, or '{read.name}' in quotes for the text" if read.compared else flag
+        if to_snake_case(read.name) in FAILURE_WORDS and not read.compared:
+            return f"'{FAILURE_NAME}' is the reason of the last failure: {FAILURE_HINT}"
         if read.name in STATE_KINDS:
             members = [name for name in state if name.startswith(f"{read.name}.")]
             return (

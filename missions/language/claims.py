@@ -18,7 +18,7 @@ from config.units import with_article
 from drivers.api.kinds import CAPABILITIES, KINDS
 from missions.language.check_context import CheckContext, Lookup
 from missions.language.expressions import Value
-from missions.language.nodes import AT_ONCE, COMPOSITES, FAILURE, MODIFIERS
+from missions.language.nodes import AT_ONCE, CLEANUP_CLAIMS, COMPOSITES, FAILURE, FINALLY, MODIFIERS
 from missions.language.parallel_counts import decide_parallel
 from missions.language.plan import Step
 
@@ -65,6 +65,28 @@ def check_claims(context: CheckContext, tree: Step) -> None:
                     "at the same time",
                     "put one after the other in a sequence",
                 )
+
+
+def check_cleanups(context: CheckContext, tree: Step) -> None:
+    """Report each leaf within a ``finally`` that could move something: it may run after a stop or the end of a run."""
+    reported = set[int]()  # a step may be within several of them
+    for step in tree.walk():
+        for leaf in step.children[1].walk() if step.kind == FINALLY else ():
+            if id(leaf) in reported or leaf.leaf is None:
+                continue
+            reported.add(id(leaf))
+            moved = sorted(leaf.leaf.drives - CLEANUP_CLAIMS)
+            what = f"drives the {moved[0]}" if moved else "sends a message of ROS 2" if _sends(leaf.leaf) else ""
+            if what:
+                hint = "only leaves for light, screen and voice, or without actuators, may run there"
+                context.fault_at(
+                    leaf, f"'{leaf.kind}' {what}, and 'finally' (line {step.mark.line}) must not move anything", hint
+                )
+
+
+def _sends(leaf: type[Leaf]) -> bool:
+    """Return whether a leaf sends messages to ROS 2 nodes, which can move the robot; conditions only read."""
+    return "ros2" in leaf.needs and not leaf.instant
 
 
 def _claimant(step: Step, part: str) -> Step:
@@ -162,7 +184,7 @@ def _first_leaves(step: Step) -> Iterator[Step]:
     elif step.kind in AT_ONCE or step.kind in MODIFIERS:
         if not _fails_with_child(step):
             return
-        for child in step.children:
+        for child in step.children if step.kind in AT_ONCE else step.children[:1]:
             yield from _first_leaves(child)
     elif step.kind in COMPOSITES and COMPOSITES[step.kind].order == "in order":
         yield from _first_leaves(step.children[0])

@@ -19,6 +19,8 @@ from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import (
     COMPOSITES,
     FAILURE,
+    FAILURE_NAME,
+    FINALLY,
     FOR_EACH,
     MISSION,
     MODIFIERS,
@@ -380,6 +382,8 @@ class _UnsetAnalysis:
         if step.kind == UNREAD_KIND:  # it may change or prevent ends, so later nodes report no error
             self.follow(step.children[0], unset, replace(here, is_guarded=True, is_failure_caught=True))
             return UnsetAfter(NOTHING_UNSET, NOTHING_UNSET)
+        if step.kind == FINALLY:
+            return self._follow_finally(step, unset, here)
         kind = MODIFIERS[step.kind]
         guarded = here.is_guarded or (bool(kind.early_end_text) and _has_variable_condition(step))
         caught = here.is_failure_caught or catches_failure(step, step.children[0])
@@ -388,6 +392,9 @@ class _UnsetAnalysis:
         if step.kind == "if" and known and not value.constant:
             return UnsetAfter(None, None, add_event(_early_end_event(step), unset))
         after = self.follow(step.children[0], unset, replace(here, is_guarded=guarded, is_failure_caught=caught))
+        if after.failure is not None:
+            for recovery in step.children[1:]:
+                self.follow(recovery, after.failure, here)
         endless = known and value.constant is None
         ways = [
             (None if endless and kind.without_limit(end) else each, onward)
@@ -403,6 +410,19 @@ class _UnsetAnalysis:
                 for end in (SUCCESS, FAILURE, SKIPPED)
             )
         )
+
+    def _follow_finally(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        """Follow a node and its ``finally``, which may start at any time during the node, and may be halted."""
+        child, cleanup = step.children
+        after = self.follow(child, unset, here)
+        during = add_event(f"{_step_label(child)} is halted", unset) or unset
+        self.follow(cleanup, during, replace(here, is_failure_caught=False))
+        if not cleanup.variables:
+            return after
+        if cleanup.leaf is Set and not self._may_fail(cleanup, during, here):
+            return UnsetAfter(*(end and self._with_set(cleanup.variables, end) for end in after))
+        cut = f"'{FINALLY}' (line {step.mark.line}) does not succeed"
+        return UnsetAfter(add_event(cut, after.success), add_event(cut, after.failure), after.skipped)
 
 
 def _early_end_event(step: Step) -> str:
@@ -499,5 +519,5 @@ def _check(context: CheckContext, step: Step, value: Value, known: set[str]) -> 
     if value.template is None:
         return
     for read in value.template.reads:
-        if read.name not in known and read.name not in STATE_KINDS:
+        if read.name not in known and read.name not in STATE_KINDS and read.name != FAILURE_NAME:
             context.fault_at(step, f"'{read.name}' is read here, but nothing before this sets it")

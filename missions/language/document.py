@@ -14,7 +14,7 @@ from config.units import quoted_value
 from config.yaml_nodes import Mapping as Entries
 from config.yaml_nodes import Node, compose, read_source
 from missions.language.check_context import CheckContext, Lookup, Vocabulary, find_no_mission
-from missions.language.claims import TargetRobot, check_claims, check_necks, check_needs, check_reach
+from missions.language.claims import TargetRobot, check_claims, check_cleanups, check_necks, check_needs, check_reach
 from missions.language.definite_assignment import check_assignments
 from missions.language.expressions import Expression, Value
 from missions.language.for_each import check_loop_names, steps_in_scope
@@ -185,6 +185,7 @@ def _check(
     # The following checks report errors at steps only, and none where a line could not be read.
     if body is not None and tree is not None and not notes.has_unreadable_line:
         check_claims(notes, tree)
+        check_cleanups(notes, tree)
         if robot is not None:
             check_needs(notes, tree, robot)
             check_reach(notes, tree, robot)

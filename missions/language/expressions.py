@@ -27,6 +27,7 @@ from missions.language.kinds import (
     members_in,
     syntax_hint,
 )
+from missions.language.nodes import FAILURE_NAME
 from missions.language.operators import (
     BINARY,
     COMPARE,
@@ -348,20 +349,27 @@ class Template:
 class Value:
     """Value of a leaf's argument: ``constant``, or a ``template`` that is evaluated when the node starts.
 
-    ``convert`` converts the result. ``location`` is the place of the template in its file.
+    ``convert`` converts the result. ``location`` is the place of the template in its file. ``local_names`` are names
+    that only this value can read, in addition to the variables: the reason of a failure.
     """
 
     constant: object = None
     template: Template | Expression | None = None
     convert: Convert | None = None
     location: "ExpressionLocation | None" = field(default=None, compare=False)
+    local_names: Mapping[str, object] | None = field(default=None, compare=False)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
         """Return the present value of the argument. Raises ExpressionError or ValueError with a short reason."""
         if self.template is None:
             return self.constant
-        found = self.template.evaluate(scope)
+        found = self.template.evaluate(scope if self.local_names is None else {**scope, **self.local_names})
         return found if self.convert is None else self.convert(found)
+
+
+def reads_failure(value: Value) -> bool:
+    """Return whether an expression reads the reason of the last failure around it."""
+    return value.template is not None and any(read.name == FAILURE_NAME for read in value.template.reads)
 
 
 INVALID_VALUE = Value(template=Template(()))

@@ -8,7 +8,7 @@ from config.units import quoted_value
 from config.yaml_nodes import Node, Scalar
 from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Convert, ExpressionError, Value, as_whole_number, in_si, parse
-from missions.language.nodes import MODIFIERS
+from missions.language.nodes import HALT_LIMIT, MODIFIERS
 
 
 def read_modifier(context: CheckContext, word: str, node: Node) -> Value:
@@ -18,6 +18,27 @@ def read_modifier(context: CheckContext, word: str, node: Node) -> Value:
         context.fault(node.mark, f"'{word}' needs {modifier.takes}")
         return INVALID_VALUE
     return _READERS[modifier.value](context, word, node)
+
+
+MAX_HALT_LIMIT = 10.0
+"""Maximum seconds of a ``finally``: a halt must not take longer, since other nodes wait for it."""
+
+
+def read_halt_limit(context: CheckContext, node: Node) -> Value:
+    """Return the limit of a ``finally`` from the node beside it: a constant duration."""
+
+    def limited(value: object) -> float:
+        seconds = in_si(value, "duration")
+        if not 0 < seconds <= MAX_HALT_LIMIT:
+            raise ValueError(f"must be longer than 0 s, and at most {MAX_HALT_LIMIT:g} s, got {quoted_value(value)}")
+        return seconds
+
+    if not isinstance(node, Scalar) or "${" in node.text:
+        context.fault(
+            node.mark, f"'{HALT_LIMIT}' needs a duration such as '2 s'", "it must be known before the mission runs"
+        )
+        return INVALID_VALUE
+    return context.convert_constant(node, node.text, f"'{HALT_LIMIT}'", limited)
 
 
 def outdent_hint(key: str, behaviour: str) -> str:

@@ -75,7 +75,7 @@ class ModifierKind:
 
     help: str
     takes: str
-    value: Literal["condition", "duration", "count", "constant", "expression"]
+    value: Literal["condition", "duration", "count", "constant", "expression", "node"]
     success: Ends = frozenset({SUCCESS})
     failure: Ends = frozenset({FAILURE})
     early_ends: Ends = frozenset()
@@ -94,7 +94,7 @@ class ModifierKind:
     @property
     def remembers(self) -> bool:
         """True if the modifier can return an earlier result without ticking its child."""
-        return self.child_ticks == "afresh" and not self.repeats
+        return self.child_ticks == "afresh" and not self.repeats and self.value != "node"
 
     def without_limit(self, end: str) -> bool:
         """Return True if, with the count ``forever``, the modifier restarts its child after each result ``end``."""
@@ -184,6 +184,8 @@ OTHER_PARENTS: Mapping[str, ParentKind] = {
 BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHER_PARENTS}
 """All nodes with children except modifiers."""
 
+RETRY, RECOVER, FINALLY, HALT_LIMIT = "retry", "recover", "finally", "halt_limit"
+
 MODIFIERS: Mapping[str, ModifierKind] = {
     "if": ModifierKind(
         "evaluated once, at the start; if false, the node is skipped: its parent goes on without it",
@@ -230,13 +232,14 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         early_end_text="is over",
         child_ticks="sometimes",
     ),
-    "retry": ModifierKind(
+    RETRY: ModifierKind(
         "restarts the node after a failure; the value is the number of attempts",
         "a count or forever",
         "count",
         failure=frozenset({FAILURE, RESTART}),
         child_ticks="afresh",
         relevant_end=FAILURE,
+        unreached_reason="no attempt before the last one fails",
     ),
     "repeat": ModifierKind(
         "restarts the node after a success; the value is the number of runs",
@@ -307,8 +310,47 @@ MODIFIERS: Mapping[str, ModifierKind] = {
         "expression",
         child_ticks="afresh",
     ),
+    FINALLY: ModifierKind(
+        "runs this behaviour once after the node has ended or was halted; its result does not count",
+        "a behaviour that moves nothing",
+        "node",
+        child_ticks="afresh",
+        unreached_reason="the node is always skipped",
+    ),
 }
 """Modifiers by word; if a node has several, earlier ones enclose later ones."""
 
+CLEANUP_CLAIMS = frozenset({"voice", "screen"})
+"""Claims that a leaf within ``finally`` may have: everything else could move the robot after its mission has ended."""
+
 NODES: Mapping[str, ParentKind | ModifierKind] = {**BRANCHES, **MODIFIERS}
 """All kinds of nodes except leaves, by their word in missions."""
+
+MODIFIER_KEYS: Mapping[str, tuple[str, str, str]] = {
+    RECOVER: (
+        RETRY,
+        "a behaviour",
+        "runs this behaviour after each failed attempt but the last; its result does not count",
+    ),
+    HALT_LIMIT: (
+        FINALLY,
+        "a duration",
+        "halts the behaviour of finally if it still runs after this time (default: 1 s)",
+    ),
+}
+"""Keys beside a modifier: the modifier that each belongs to, the form of its value, and its meaning."""
+
+FAILURE_NAME = "failure"
+"""Name by which an expression reads the reason of the last failure around it."""
+
+
+def provides_failure(kind: str, place: int) -> bool:
+    """Return whether child ``place`` (from 0) of a node of this kind can read the reason of an earlier failure there.
+
+    These are the later children of a selector, and the behaviours of ``recover`` and ``finally``.
+    """
+    composite = COMPOSITES.get(kind)
+    if composite is None:
+        return kind in MODIFIERS and place > 0
+    is_selector = composite.passes == FAILURE
+    return is_selector and (place > 0 or composite.order == "in any order")

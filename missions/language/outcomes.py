@@ -11,10 +11,13 @@ from missions.language.nodes import (
     BOTH_ENDS,
     COMPOSITES,
     FAILURE,
+    FINALLY,
     FOR_EACH,
     MISSION,
     MODIFIERS,
+    RECOVER,
     RESTART,
+    RETRY,
     SKIPPED,
     SUCCESS,
     SWITCHES,
@@ -94,6 +97,9 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
         context.fault_at(step, message, _order_hint(step, child, occasion))
     elif step.kind == "timeout":
         _check_delay(context, step, child)
+    elif step.kind == RETRY and len(step.children) > 1 and step.arguments["value"] == Value(1):
+        recovery = innermost_step(step.children[1])
+        context.fault_at(recovery, f"'{RECOVER}' never runs: no attempt follows the first of '{RETRY}: 1'")
 
 
 def _waits(step: Step) -> bool:
@@ -108,7 +114,7 @@ def _order_hint(step: Step, child: Step, end: str) -> str:
     Empty if that is not the cause.
     """
     while child.leaf is None and "value" in child.arguments:
-        (below,) = child.children
+        below = child.children[0]
         if end in possible_ends(below):
             return f"the order is the cause: write '{step.kind}' above '{child.kind}' (line {child.mark.line})"
         child = below
@@ -129,7 +135,7 @@ def _check_delay(context: CheckContext, step: Step, child: Step) -> None:
 
 def innermost_step(step: Step) -> Step:
     """Return the behaviour inside the modifiers of ``step``; errors are shown at its line."""
-    while len(step.children) == 1 and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
+    while step.children and step.leaf is None and step.kind != MISSION and "value" in step.arguments:
         step = step.children[0]
     return step
 
@@ -166,7 +172,9 @@ def _modifier_ends(step: Step, below: Ends) -> Ends:
     kind = MODIFIERS[step.kind]
     ways = {SUCCESS: kind.success, FAILURE: kind.failure, SKIPPED: frozenset({SKIPPED})}
     passed = (ways[end] - {RESTART} for end in below if not (kind.without_limit(end) and _forever(step)))
-    return early_ends(step).union(*passed)
+    ends = early_ends(step).union(*passed)
+    endless_recovery = step.kind == RETRY and len(step.children) > 1 and not possible_ends(step.children[1])
+    return ends - {FAILURE} if endless_recovery else ends
 
 
 def _composite_ends(step: Step, below: list[Ends]) -> Ends:
@@ -295,6 +303,8 @@ def _find_running(step: Step) -> Step | None:
         return None
     if step.kind in RUNNING_MODIFIERS or step.kind == WAIT_FOR:
         return step
+    if step.kind == FINALLY:
+        return next((cause for child in step.children if (cause := _find_running(child)) is not None), None)
     kind = COMPOSITES.get(step.kind)
     if step.kind in MODIFIERS or kind is None:
         return _find_running(step.children[0])

@@ -34,7 +34,17 @@ from missions.language.lists import (
     parse_list,
     type_of_value,
 )
-from missions.language.nodes import BRANCHES, FOR_EACH, MISSION, MODIFIERS, SWITCHES, WAIT_FOR
+from missions.language.nodes import (
+    BRANCHES,
+    FINALLY,
+    FOR_EACH,
+    MISSION,
+    MODIFIER_KEYS,
+    MODIFIERS,
+    RECOVER,
+    SWITCHES,
+    WAIT_FOR,
+)
 from missions.language.parallel_counts import COUNTS
 
 LIST_TYPE = "list"
@@ -331,7 +341,7 @@ def _read_choices(context: CheckContext, label: str, beside: Mapping, kind: str 
 
 # Variables that a mission sets: read before its steps, since an expression may be above the step that sets it.
 
-KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *COUNTS, "name", "with"}
+KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *MODIFIER_KEYS, *COUNTS, "name", "with"}
 """Words that a node can contain, in addition to ``as`` and leaves: composites, modifiers, counts, name, with."""
 
 BRANCHES_WITH_KEYS = {*SWITCHES, FOR_EACH}
@@ -392,7 +402,7 @@ def _iter_key_setters(node: Mapping, word: str, value: Node, leaves: Leaves) -> 
             yield from ((name.text, None) for name in names if isinstance(name, Scalar))
         for branch in _branches(value):
             yield from _iter_setters(branch, leaves)
-    elif isinstance(value, Listing) or word == WAIT_FOR:
+    elif isinstance(value, Listing) or word in (WAIT_FOR, RECOVER, FINALLY):
         yield from _iter_setters(value, leaves)
     elif isinstance(value, Mapping) and leaf is None and word not in KNOWN_WORDS:
         # An unknown word: it may be a misspelt one that sets the variables below it.

@@ -7,22 +7,23 @@ from functools import cached_property
 from behaviours.leaf import Leaf
 from config.diagnostics import Mark, SourceText
 from drivers.api.fast_dataclass import dataclass
-from missions.language.expressions import NameReference, Value
+from missions.language.expressions import NameReference, Value, reads_failure
 from missions.language.nodes import MISSION
 from missions.language.robot_state import ROBOT_STATE, state_value
 
 
 @dataclass(frozen=True)
 class Step:
-    """A node of a checked mission: a leaf, a composite, a sub-mission, or a modifier around its one child.
+    """A node of a checked mission: a leaf, a composite, a sub-mission, or a modifier around its first child.
 
     ``kind`` is the word in the mission, ``name`` the label for people, ``source`` its file. A leaf has its class in
-    ``leaf``. ``arguments`` are those of a leaf, the one ``value`` of a modifier, the ``on`` of a switch, or the params
-    of a sub-mission. ``cases`` of a switch belong to its children in order; one more child is its default. ``returns``
-    are expressions over the variables of a sub-mission; ``output_variable`` is the variable that stores the result.
-    ``binds`` are the variables that a for_each sets for its child (the member, and its number), or that a node which
-    could not be read may set. ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the
-    arguments as in the file, for pictures.
+    ``leaf``. ``arguments`` are those of a leaf, the one ``value`` of a modifier (of ``finally``, its limit), the ``on``
+    of a switch, or the params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child
+    is its default. A second child of a modifier is that of ``recover`` or ``finally``. ``returns`` are expressions over
+    the variables of a sub-mission; ``output_variable`` is the variable that stores the result. ``binds`` are the
+    variables that a for_each sets for its child (the member, and its number), or that a node which could not be read
+    may set. ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in
+    the file, for pictures.
 
     Variables and claims of a subtree are cached, since each step above uses them again.
     """
@@ -71,6 +72,12 @@ class Step:
         """Actuators that the step, or a step below it, drives."""
         own_parts = frozenset[str]() if self.leaf is None else self.leaf.drives
         return own_parts.union(*(child.claims for child in self.children))
+
+    @cached_property
+    def reads_failure(self) -> bool:
+        """Whether the step, or a step of its mission below it, reads the reason of a failure."""
+        below = () if self.kind == MISSION else self.children
+        return any(map(reads_failure, self.arguments.values())) or any(child.reads_failure for child in below)
 
     @property
     def needs(self) -> frozenset[str]:

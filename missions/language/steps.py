@@ -9,7 +9,7 @@ from pathlib import Path
 from behaviours.leaf import Leaf
 from config.diagnostics import InvalidFileError, add_diagnostic, own_words_for, suggest_from
 from config.library import kinds_of
-from config.units import quoted_value, with_article
+from config.units import quantity_text, quoted_value, with_article
 from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose, read_source
 from drivers.api.kinds import REPEATABLE_KINDS
 from missions.language.arguments import read_arguments
@@ -17,8 +17,22 @@ from missions.language.check_context import MAX_DEPTH, MAX_STEPS, CheckContext
 from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import read_for_each
 from missions.language.mission_body import read_body, read_returns
-from missions.language.modifiers import outdent_hint, read_modifier
-from missions.language.nodes import BRANCHES, COMPOSITES, FOR_EACH, MISSION, MODIFIERS, SWITCHES, WAIT_FOR
+from missions.language.modifiers import outdent_hint, read_halt_limit, read_modifier
+from missions.language.nodes import (
+    BRANCHES,
+    COMPOSITES,
+    FINALLY,
+    FOR_EACH,
+    HALT_LIMIT,
+    MISSION,
+    MODIFIER_KEYS,
+    MODIFIERS,
+    RECOVER,
+    RETRY,
+    SWITCHES,
+    WAIT_FOR,
+    provides_failure,
+)
 from missions.language.parallel_counts import COUNTS, arguments_as_written, entries_as_written, read_counts, source_text
 from missions.language.param_types import Param, find_setters
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
@@ -190,7 +204,7 @@ def _read_submission_params(
     return values
 
 
-BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS)
+BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS, *MODIFIER_KEYS)
 """Keys that can stand beside a behaviour and are not modifiers."""
 
 OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
@@ -266,24 +280,57 @@ def _read_with_modifiers(context: CheckContext, node: Mapping) -> Step:
             hint = "begin it with '- ' in a sequence, or indent it"
             context.fault(key.mark, f"a second behaviour, '{key.text}', beside '{first}'", hint)
     step = (_read_behaviour(context, *behaviours[0], node) if behaviours else None) or _placeholder(context, node)
-    for word, value_node in node.entries:
-        if word.text in MODIFIERS:
-            step = Step(
-                word.text,
-                step.name,
-                word.mark,
-                context.source,
-                (step,),
-                arguments={"value": read_modifier(context, word.text, value_node)},
-                text=_text(value_node),
-                arguments_as_written={"value": source_text(value_node)},
-            )
+    step = _read_modifiers(context, node, step)
     if unknown and step.leaf is not PlaceholderLeaf:
         names = tuple(sorted(find_setters(node, context.leaves)))
         step = Step(
             UNREAD_KIND, step.name, node.mark, context.source, (step,), arguments={"value": INVALID_VALUE}, binds=names
         )
     return step
+
+
+def _read_modifiers(context: CheckContext, node: Mapping, step: Step) -> Step:
+    """Return ``step`` in the modifiers beside it: each wraps the ones above it."""
+    for word, value in node.entries:
+        owner = MODIFIER_KEYS[word.text][0] if word.text in MODIFIER_KEYS else ""
+        if owner and node.get(owner) is None:
+            context.fault(word.mark, f"'{word.text}' stands only beside '{owner}'", _OWNER_HINTS[owner])
+        elif word.text == FINALLY:
+            step = _read_finally(context, word, value, node.get(HALT_LIMIT), step)
+        elif word.text in MODIFIERS:
+            recovery = node.get(RECOVER) if word.text == RETRY else None
+            step = Step(
+                word.text,
+                step.name,
+                word.mark,
+                context.source,
+                (step,) if recovery is None else (step, _read_member(context, recovery, RECOVER)),
+                arguments={"value": read_modifier(context, word.text, value)},
+                text=_text(value),
+                arguments_as_written={"value": source_text(value)},
+            )
+    return step
+
+
+_OWNER_HINTS = {RETRY: "add 'retry: 3' for the number of attempts", FINALLY: "add 'finally' with a behaviour"}
+"""Hints for a key without the modifier that it belongs to."""
+
+
+def _read_member(context: CheckContext, node: Node, word: str) -> Step:
+    """Return the step of the behaviour after ``recover`` or ``finally``, which may read the failure around it."""
+    if isinstance(node, Scalar) and node.value is None:
+        context.fault(node.mark, f"'{word}' needs a behaviour", f"write {word}: {{say: ...}}")
+        return _placeholder(context, node)
+    with context.failure_readable(True):
+        return read_step(context, node)
+
+
+def _read_finally(context: CheckContext, word: Scalar, value: Node, limit: Node | None, step: Step) -> Step:
+    """Return the step of a ``finally`` around ``step``; ``limit`` is the node of its ``halt_limit``."""
+    found = Value(Leaf.halt_limit) if limit is None else read_halt_limit(context, limit)
+    children = (step, _read_member(context, value, FINALLY))
+    text = f"at most {quantity_text(Leaf.halt_limit, 'duration') if limit is None else source_text(limit)}"
+    return Step(FINALLY, step.name, word.mark, context.source, children, arguments={"value": found}, text=text)
 
 
 def _is_behaviour(context: CheckContext, word: str) -> bool:
@@ -443,7 +490,11 @@ def _read_children(context: CheckContext, key: Scalar, value: Node | None) -> tu
     if not isinstance(value, Listing) or not value.items:
         context.fault(key.mark, f"'{key.text}' needs a list of at least one behaviour, each on a line with '- '")
         return (_placeholder(context, key if value is None else value),)
-    return tuple(read_step(context, item) for item in value.items)
+    steps = []
+    for place, item in enumerate(value.items):
+        with context.failure_readable(context.is_failure_readable or provides_failure(key.text, place)):
+            steps.append(read_step(context, item))
+    return tuple(steps)
 
 
 def _read_word_beside(context: CheckContext, beside: Mapping | None, key: str) -> Scalar | None:

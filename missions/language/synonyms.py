@@ -66,6 +66,9 @@ SYNONYMS: Mapping[str, str] = {
     "repeat_until_failure",
     "retry": "retries attempts retry_until_successful retry_until_succesful retry_node tries max_attempts num_attempts "
     "num_failures",
+    "recover": "recover_with on_retry before_retry between_attempts recovery_action recovery_behavior",
+    "finally": "on_exit exit_action on_end at_end at_exit cleanup clean_up teardown tear_down finalize finalise ensure "
+    "defer run_always",
     "retry: forever": "retry_forever retry_until_success repeat_until_success failure_is_running",
     "if": "when only_if",
     "if: not (...)": "unless if_not not_if skip_if",

@@ -12,6 +12,7 @@ from missions.language.for_each import ListMembers, steps_in_scope
 from missions.language.inference import find_mismatches, kind_of_result
 from missions.language.kinds import (
     NOTHING,
+    TEXT,
     UNSETTLED,
     Kind,
     ListKind,
@@ -20,7 +21,7 @@ from missions.language.kinds import (
     kind_of_type,
     kind_of_value,
 )
-from missions.language.nodes import FOR_EACH, MISSION, SWITCHES
+from missions.language.nodes import FAILURE_NAME, FOR_EACH, MISSION, SWITCHES
 from missions.language.param_types import param_kind
 from missions.language.plan import PlaceholderLeaf, Step
 from missions.language.switches import impossible_cases
@@ -60,7 +61,7 @@ def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, foun
 def variable_kinds(tree: Step, params: Kinds) -> Kinds:
     """Return the kinds (static types) of the variables of one mission, given the kinds of its ``params``."""
     setters = [setter for step in steps_in_scope(tree) for setter in _setters(step)]
-    kinds: dict[str, Kind] = {**dict.fromkeys((name for name, _ in setters), UNSETTLED), **params}
+    kinds: dict[str, Kind] = {**dict.fromkeys((name for name, _ in setters), UNSETTLED), **params, FAILURE_NAME: TEXT}
     readers: dict[str, list[int]] = defaultdict(list)
     for place, (_, what) in enumerate(setters):
         for name in _names_read(what) & kinds.keys():

@@ -79,12 +79,14 @@ class TreeBox:
     )
     badges: Annotated[tuple[Badge, ...], JsonName("modifiers"), "Modifiers, the outermost first."] = ()
     keep_as: Annotated[str, JsonName("as"), "Output variable, if any."] = ""
-    case: Annotated[str, "Case of the parent switch, `else` for the default; empty without a switch."] = ""
+    case: Annotated[str, "Case of the parent switch, `else` for the default; `recover` or `finally`; or empty."] = ""
     mission: Annotated[str, "Mission that the node runs; empty if it is not a sub-mission."] = ""
     status: StatusNow = "idle"
     reason: Reason = ""
     since: Annotated[float | None, "Time of the last change of status: seconds from the start of the run."] = None
-    children: Annotated[tuple["TreeBox", ...], "Child nodes in the order of the file."] = ()
+    children: Annotated[
+        tuple["TreeBox", ...], "Child nodes in the order of the file, then `recover` and `finally`."
+    ] = ()
     folded: Annotated[int, "Number of nodes below that are left out.", Bound(low=0)] = 0
 
     def walk(self) -> Iterator["TreeBox"]:

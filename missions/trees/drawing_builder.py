@@ -6,7 +6,7 @@ from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
 
-from missions.language.nodes import BRANCHES, MISSION, MODIFIERS, SWITCHES
+from missions.language.nodes import BRANCHES, MISSION, MODIFIERS, RECOVER, RETRY, SWITCHES
 from missions.language.plan import Plan, Step
 from missions.trees.drawing import Badge, NodeState, TreeBox, TreeDrawing
 
@@ -78,9 +78,12 @@ def _box(step: Step, key: str, case: str) -> TreeBox:
     ``case`` is the case of a switch under which the step stands, or empty.
     """
     badges: list[Badge] = []
+    beside: list[TreeBox] = []  # the behaviours of `recover` and `finally`
     while step.kind in MODIFIERS:
         badges.append(Badge(key, step.kind, one_line(step.text), step.mark.line))
-        (step,), key = step.children, f"{key}.1"
+        label = RECOVER if step.kind == RETRY else step.kind
+        beside += (_box(child, f"{key}.{place}", label) for place, child in enumerate(step.children[1:], start=2))
+        step, key = step.children[0], f"{key}.1"
     inner = enumerate(zip(step.children, _cases(step), strict=False), start=1)
     return TreeBox(
         key,
@@ -95,7 +98,7 @@ def _box(step: Step, key: str, case: str) -> TreeBox:
         keep_as=one_line(step.output_variable or ""),
         case=case,
         mission=one_line(step.text) if step.kind == MISSION else "",
-        children=tuple(_box(child, f"{key}.{place}", label) for place, (child, label) in inner),
+        children=(*(_box(child, f"{key}.{place}", label) for place, (child, label) in inner), *reversed(beside)),
     )
 
 

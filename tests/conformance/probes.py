@@ -111,6 +111,13 @@ class ArmProbe(Probe):
     drives = frozenset({"arm"})
 
 
+class VoiceProbe(Probe):
+    """A probe that speaks."""
+
+    tag = "voice_probe"
+    drives = frozenset({"voice"})
+
+
 class PatientProbe(BaseProbe):
     """A probe that drives the base and has three seconds to come to rest."""
 
@@ -132,7 +139,9 @@ class Echo(Leaf):
         return SUCCESS
 
 
-PROBES: dict[str, type[Leaf]] = {leaf.tag: leaf for leaf in (Probe, BaseProbe, ArmProbe, PatientProbe, Echo)}
+PROBES: dict[str, type[Leaf]] = {
+    leaf.tag: leaf for leaf in (Probe, BaseProbe, ArmProbe, VoiceProbe, PatientProbe, Echo)
+}
 """The words that the cases add to the language."""
 
 

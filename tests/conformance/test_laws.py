@@ -13,7 +13,7 @@ from behaviours.node import Node
 from config.diagnostics import InvalidFileError
 from missions.executive.composites import COMPOSITES
 from missions.executive.events import status_word
-from missions.language.nodes import FOR_EACH, SWITCHES, WAIT_FOR
+from missions.language.nodes import FINALLY, FOR_EACH, HALT_LIMIT, RECOVER, RETRY, SWITCHES, WAIT_FOR
 from missions.language.plan import Plan
 from tests.conformance.harness import Case, Play
 from tests.conformance.probes import Probe
@@ -53,13 +53,19 @@ LEAVES = st.fixed_dictionaries(
     optional={"stopping": st.just("crashes")},
 )
 WORDS = st.sampled_from(["probe", "probe", "base_probe", "arm_probe"])
+CLEANUPS = st.dictionaries(st.sampled_from(["probe", "voice_probe"]), LEAVES, min_size=1, max_size=1)
 
 
 @st.composite
 def modified(draw: st.DrawFn, behaviour: dict[str, Any]) -> dict[str, Any]:
     """Draw what stands beside a behaviour: up to three modifiers, in any order."""
-    words = draw(st.lists(st.sampled_from(sorted(MODIFIERS)), max_size=3, unique=True))
-    return behaviour | {word: draw(MODIFIERS[word]) for word in words}
+    words = draw(st.lists(st.sampled_from([*sorted(MODIFIERS), FINALLY, FINALLY, RETRY]), max_size=3, unique=True))
+    node = behaviour | {word: draw(MODIFIERS.get(word, CLEANUPS)) for word in words}
+    if FINALLY in words and draw(st.booleans()):
+        node[HALT_LIMIT] = "250 ms"
+    if node.get(RETRY, 1) != 1 and draw(st.booleans()):
+        node[RECOVER] = {draw(WORDS): draw(LEAVES)}
+    return node
 
 
 def composed(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
@@ -103,7 +109,7 @@ def named(tree: dict[str, Any], number: Iterator[int]) -> dict[str, Any]:
         if key == FOR_EACH:
             place = next(number)
             return value | {"as": f"m{place}", "do": named(value["do"], number)}
-        if key == WAIT_FOR:
+        if key in (WAIT_FOR, RECOVER, FINALLY):
             return named(value, number)
         if key in SWITCHES:
             cases = {case: named(child, number) for case, child in value["cases"].items()}
@@ -189,7 +195,7 @@ def test_every_tree_keeps_the_laws(tree: dict[str, Any], ticks: list[tuple[str, 
     witness = Witness(play)
     for told, percent in ticks:
         witness.read(play.line(f"{told}with battery.percent = {percent}", 0.1))
-    for _ in range(12):  # a halt has a second, whatever the leaves do
+    for _ in range(40):  # a leaf has a second for its halt, and so has a cleanup, whatever the leaves do
         witness.read(play.line("told to halt", 0.1))
     assert set(witness.state.values()) <= {"at rest"}
     assert play.root.status is not Status.RUNNING

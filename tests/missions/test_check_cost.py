@@ -29,6 +29,7 @@ SETTINGS = {
     "duration": "5 s",
     "count": "3",
     "expression": "true",
+    "node": "succeed",
 }
 """A value for each kind of modifier that takes no constant."""
 

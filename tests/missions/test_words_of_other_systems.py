@@ -536,6 +536,21 @@ def test_a_condition_beside_a_step_is_asked_as_it_says(word: str, runs: str) -> 
 # --- all of them ------------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("word", ["Cleanup", "on_exit", "teardown", "ensure", "Finally"])
+def test_hint_for_a_cleanup_runs_it_after_every_end(word: str) -> None:
+    for outcome, status in (("S", "SUCCESS"), ("F", "FAILURE"), ("R", "FAILURE")):
+        tree = {"sequence": [{**leaf("a", outcome), "timeout": "50 ms"}], **follow(word, [{}], leaf("b", "F"))}
+        lines = played(tree, ticks=3)
+        ended = next(line for line in lines if line[0] != "RUNNING")
+        assert (ended[0], ended[1][-1:]) == (status, ["b F"])
+
+
+@pytest.mark.parametrize("word", ["recover_with", "on_retry", "RecoveryAction"])
+def test_hint_for_a_recovery_runs_it_between_attempts(word: str) -> None:
+    tree = {**follow(word, [leaf("a", "FFS")], leaf("b", "RF")), "retry": 3}
+    assert story(played(tree, ticks=12)) == ("SUCCESS", ["a F", "b R", "b F", "a F", "b R", "b F", "a S"])
+
+
 @pytest.mark.parametrize("word", [*UNMATCHED_WORDS.split(), "SequenceStar", "RateController", "PipelineSequence"])
 def test_a_word_that_nothing_here_means_gets_no_form(word: str) -> None:
     assert hint_for(word) == UNMATCHED_HINT
@@ -565,7 +580,7 @@ def test_a_loop_of_other_languages_is_no_guard(word: str) -> None:
 
 NOTHING = (
     "undocked not_bumped face_not_seen no_face_seen joint_unloaded until_not_seen reactive_race any_success "
-    "all_success weighted_choice tag_cooldown simple_race random_parallel guard_selector monitor finally abort rate hz "
+    "all_success weighted_choice tag_cooldown simple_race random_parallel guard_selector monitor abort rate hz "
     "emergency_stop every memory policy StateMachine Iterator Count PassThrough LoopInt SkipUnlessUpdated"
 )
 

@@ -34,6 +34,12 @@ end while something moves."""
 NEVER = 99
 """Ticks that no behaviour has which is cut short."""
 
+RECOVERED, CLEANED = 0.5, 0.1
+"""The share of retried nodes with a ``recover``, and of all nodes with a ``finally``."""
+
+CLEANUPS = ({"say": "I stop here"}, {"show": "storm"}, {"log": "cleaned"}, {"rogue": {"way": "raises", "goal": "fast"}})
+"""What runs finally: leaves that may, and one that claims nothing and moves what it can."""
+
 ROGUES = 0.25
 """The share of leaves that misbehave, beside those that are drawn with the others."""
 
@@ -177,6 +183,10 @@ class Trees:
             step = self._leaf()
         for word in chance.sample(sorted(MODIFIERS), chance.choice([0, 0, 0, 1, 1, 2])):
             step[word] = MODIFIERS[word](chance)
+        if step.get("retry", 1) != 1 and chance.random() < RECOVERED:
+            step["recover"] = self._leaf()
+        if chance.random() < CLEANED:
+            step["finally"] = chance.choice(CLEANUPS)
         return step
 
     def _contest(self) -> dict[str, Any]:

@@ -4,7 +4,16 @@ from collections.abc import Mapping, Sequence
 
 from behaviours.leaf import Leaf
 from missions.language.modifiers import YES_NO_WORDS
-from missions.language.nodes import COMPOSITES, FOR_EACH, MISSION, MODIFIERS, OTHER_PARENTS, SWITCHES, WAIT_FOR
+from missions.language.nodes import (
+    COMPOSITES,
+    FOR_EACH,
+    MISSION,
+    MODIFIER_KEYS,
+    MODIFIERS,
+    OTHER_PARENTS,
+    SWITCHES,
+    WAIT_FOR,
+)
 from missions.language.parallel_counts import COUNTS
 from missions.language.steps import OWNER_OF_KEY
 from missions.library.catalogue import sentence, summary
@@ -64,6 +73,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
                 **_forbid_second_behaviour(words),
                 "as": _require_one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
                 **{word: [only] for word, only in OWNER_OF_KEY.items()},
+                **{word: [modifier] for word, (modifier, _, _) in MODIFIER_KEYS.items()},
             },
         },
         "else": {
@@ -152,6 +162,7 @@ def _beside_schemas() -> dict[str, Schema]:
         },
         "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
         **{word: _setting_schema(takes, text) for word, (takes, text) in COUNTS.items()},
+        **{word: _setting_schema(takes, text) for word, (_, takes, text) in MODIFIER_KEYS.items()},
     }
 
 
@@ -164,6 +175,8 @@ def _setting_schema(takes: str, text: str) -> Schema:
     match takes:
         case "an expression":
             return found | EXPRESSION
+        case "a behaviour" | "a behaviour that moves nothing":
+            return found | NODE
         case "a duration":
             return found | quantity_schema("duration", "longer than 0 s", zero=False) | {"examples": ["2 s"]}
         case "a count or forever" | "a count or all":

@@ -11,6 +11,7 @@ from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from config.diagnostics import Diagnostic
 from missions.executive.events import status_word
+from missions.language.nodes import MISSION, MODIFIERS
 from missions.plugins.verify.choices import Script
 from missions.plugins.verify.model import MissionModel, ModelState
 from missions.plugins.verify.rule_monitor import Violation
@@ -268,8 +269,8 @@ def _is_reported(node: Node) -> bool:
 
 def describe_node(node: Node) -> str:
     """Return a description of a node: name, a modifier's word, and line."""
-    composite = isinstance(node, Leaf) or len(node.children) != 1 or node.kind == "mission"
-    return f"{node.name if composite else node.kind} (line {node.line})"
+    shows_kind = len(node.children) == 1 and not isinstance(node, Leaf) and node.kind != MISSION
+    return f"{node.kind if shows_kind or node.kind in MODIFIERS else node.name} (line {node.line})"
 
 
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "not decided"

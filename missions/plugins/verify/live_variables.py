@@ -13,10 +13,12 @@ from missions.language.expressions import Value
 from missions.language.nodes import (
     COMPOSITES,
     FAILURE,
+    FINALLY,
     FOR_EACH,
     MISSION,
     MODIFIERS,
     RESTART,
+    RETRY,
     SKIPPED,
     SUCCESS,
     SWITCHES,
@@ -97,6 +99,15 @@ class LivenessAnalysis:
         elif step.kind in SWITCHES:
             found = reads.union(live_after.failure, *(child(live_after) for child in children))
             running = found if SWITCHES[step.kind].reactive else NO_NAMES
+        elif step.kind == FINALLY:
+            # It may start at any time while the child runs, and may be halted: then it has stored nothing.
+            ended = live_after.success | live_after.failure
+            running = children[1](LiveAfter(ended, ended, ended)) | ended
+            found = running | children[0](LiveAfter(running, running, live_after.skipped))
+        elif step.kind == RETRY and len(children) > 1:
+            recovery = children[1](LiveAfter(again, again, again))
+            after = live_after._replace(failure=live_after.failure | recovery | again)
+            found = running = reads | recovery | children[0](after) | live_after.failure
         elif step.kind in MODIFIERS:
             found = reads | _before_modifier(step.kind, children[0], live_after, again)
             running = NO_NAMES if step.kind in PASSIVE_MODIFIERS else found

@@ -31,7 +31,7 @@ from missions.language.definite_assignment import catches_failure
 from missions.language.expressions import Value
 from missions.language.for_each import ListMembers, steps_in_scope
 from missions.language.kinds import STATE_KINDS
-from missions.language.nodes import FOR_EACH, MISSION, MODIFIERS, SWITCHES
+from missions.language.nodes import FAILURE_NAME, FINALLY, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
 from missions.language.read_analysis import always_read_names
 from missions.plugins.verify.abstract_values import (
@@ -184,7 +184,7 @@ def durations(tree: Step) -> frozenset[float]:
     found = set()
     for step in tree.walk():
         value = step.arguments.get("value")
-        if step.kind in DURATION_MODIFIERS and value is not None and isinstance(value.constant, float):
+        if step.kind in (*DURATION_MODIFIERS, FINALLY) and value is not None and isinstance(value.constant, float):
             found.add(value.constant)
         if step.leaf is not None and step.leaf.halting is not Leaf.halting:
             found.add(step.leaf.halt_limit)
@@ -203,7 +203,7 @@ def missing_params(plan: Plan) -> frozenset[str]:
         if value.template is not None
         for read in value.template.reads
     }
-    return frozenset(reads - plan.params.keys() - plan.tree.variables - STATE_KINDS.keys())
+    return frozenset(reads - plan.params.keys() - plan.tree.variables - STATE_KINDS.keys() - {FAILURE_NAME})
 
 
 # Reduction of equivalent runs: one of each class is explored, so that many leaves give few states.
@@ -370,7 +370,7 @@ class MissionModel:
         self.shuffler = self.run.random = Shuffler(self.oracle)
         self.run.observer = NodeCallback(self.watch.on_status_change)
         self.run.variables.update({part: NondetSensor(self.oracle, part) for part in STATE_KINDS})
-        self.run.variables.update(dict.fromkeys(missing_params(plan), UNKNOWN))
+        self.run.variables.update(dict.fromkeys((*missing_params(plan), FAILURE_NAME), UNKNOWN))
         tree = abstract_step(plan.tree, self.oracle, self.watch, plan.tree.variables)
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))

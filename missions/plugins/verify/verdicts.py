@@ -259,7 +259,7 @@ def _steps_by_key(step: Step, key: str) -> Iterable[tuple[str, Step]]:
 
 def _unwrap_modifiers(step: Step) -> Step:
     """Return the behaviour inside its modifiers, where a user looks for it."""
-    while "value" in step.arguments and step.leaf is None and len(step.children) == 1:
+    while "value" in step.arguments and step.leaf is None and step.children:
         step = step.children[0]
     return step
 

@@ -2,7 +2,7 @@
 
 A record does not contain all ticks: it lacks those in which a node returns the same status again, and does not tell
 whether a halted node was ticked earlier in the same tick. Both are inferred from the composites and modifiers above the
-node.
+node. While a halt waits for a ``finally`` that takes several ticks, the nodes around it count as ticked.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ import numpy as np
 
 from missions.executive.events import SKIPPED, NodeChanged, plain_status
 from missions.executive.tick_record import TickRecord
-from missions.language.nodes import AT_ONCE, COMPOSITES, MODIFIERS
+from missions.language.nodes import AT_ONCE, COMPOSITES, FINALLY, MODIFIERS
 from missions.plugins.records.statistics.figures import NodeFigures, NodeLabel
 from missions.trees.drawing import ACTIVE, TreeBox, TreeDrawing
 
@@ -95,6 +95,7 @@ def node_figures(
         nodes.setdefault(change.node, _Node(place, None, (), ()))
     tallies = {key: _Tally() for key in nodes}
     doubtful = [node for node in nodes.values() if _may_be_ticked_again(node)]
+    cleanups = tuple(f"{key}.2" for key, node in nodes.items() if node.place.kind == FINALLY)
     running: set[str] = set()
     for moment, news in _group_by_tick(changes, tick_records):
         ran, touched = set(running), set[str]()
@@ -110,6 +111,8 @@ def node_figures(
                 key for key in nodes if key in halted and _was_ticked_before_halt(nodes[key], tallies, touched, halted)
             }
             _count_tick(tallies, touched, doubtful)
+        elif moment is not None and moment.kind == "halt":
+            _count_tick(tallies, {key for key in touched if key.startswith(cleanups)}, ())
     return {node.place: tallies[key].figures(until) for key, node in nodes.items()}
 
 
@@ -123,8 +126,10 @@ def _walk_nodes(box: TreeBox, parent: _Node | None, before: Sequence[str], after
     node = _Node(NodeLabel(box.key, box.kind, box.title, box.file, box.line), parent, before, after)
     yield node
     keys = [child.badges[0].key if child.badges else child.key for child in box.children]
+    own = sum(key.startswith(f"{box.key}.") for key in keys)  # the others belong to `recover` and `finally`
     for number, child in enumerate(box.children):
-        yield from _walk_nodes(child, node, keys[:number], keys[number + 1 :])
+        siblings = (keys[:number], keys[number + 1 : own]) if number < own else ((), ())
+        yield from _walk_nodes(child, node, *siblings)
 
 
 def _may_be_ticked_again(node: _Node) -> bool:

@@ -122,6 +122,12 @@ def trees() -> st.SearchStrategy[list[str]]:
     def awaited(child: list[str]) -> list[str]:
         return ["wait_for:", *(f"  {line}" for line in child)]
 
+    def recovered(node: list[str], child: list[str]) -> list[str]:
+        return [*modified(node, "retry: 3"), "recover:", *(f"  {line}" for line in child)]
+
+    def cleaned(node: list[str], outcome: str) -> list[str]:
+        return modified(node, f"finally: {{scripted: {outcome}}}")
+
     def modified(node: list[str], modifier: str) -> list[str]:
         name = modifier.partition(":")[0]
         return node if any(line.startswith(f"{name}:") for line in node) else [*node, modifier]
@@ -133,6 +139,10 @@ def trees() -> st.SearchStrategy[list[str]]:
             | st.builds(counted, st.lists(inner, min_size=2, max_size=3), st.sampled_from(COUNTS))
             | st.builds(looped, inner)
             | st.builds(awaited, inner)
+            | st.builds(
+                recovered, inner.filter(lambda node: not any(line.startswith("retry:") for line in node)), inner
+            )
+            | st.builds(cleaned, inner, st.sampled_from("sf"))
             | st.builds(modified, inner, st.sampled_from(MODIFIERS))
         ),
         max_leaves=8,

@@ -25,6 +25,7 @@ IGNORED = frozenset(
         "feedback_message",  # words for people
         "values",  # used up in the tick in which they are set
         "_halt_tick",  # compared within a tick only
+        "_cleanup_tick",  # as that
         "suspension",  # used up in the tick in which it is set; for other ticks it is kept by another name
         "_unticked",  # as the next two: when actuators come to rest, which a stand-in does not have
         "_unticked_since",

@@ -16,7 +16,7 @@ from drivers.clock import ManualClock
 from drivers.errors import SensorSilent
 from missions.executive.build import build
 from missions.language.plan import Plan, Step
-from missions.plugins.verify.explore import GOING, StateSpace
+from missions.plugins.verify.explore import GOING, HALTING, RESTED, StateSpace
 from missions.plugins.verify.model import MissionModel
 from missions.plugins.verify.verdicts import MAX_STATES
 from tests.missions.testing.verify.exploring import plan_of
@@ -142,6 +142,16 @@ def listing(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
     ]
 
 
+def cleaning(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
+    """Nodes with ``recover`` and ``finally``."""
+    cleanups = children.map(lambda node: node.replace("look: 0 deg", "listen: {for: [yes]}"))
+    return [
+        st.builds("{}, retry: 2, recover: {{{}}}".format, LEAF, children),
+        st.builds("{}, finally: {{{}}}".format, LEAF, cleanups),
+        st.builds("sequence: [{{{}}}, {{{}}}], finally: {{{}}}".format, children, LEAF, cleanups),
+    ]
+
+
 def trees(
     modifiers: tuple[str, ...],
     leaf: st.SearchStrategy[str] = LEAF,
@@ -227,6 +237,79 @@ def test_the_shortest_way_through_lists_is_that_of_all_short_runs(tree: str) -> 
     if found is None:
         return
     compare_shortest_ways(found, 0.0)
+
+
+@settings(max_examples=40)
+@example("look: 0 deg, retry: 2, recover: {listen: {for: [yes]}}")
+@example("selector: [{look: 0 deg, finally: {listen: {for: [yes]}}}, {look: 0 deg}]")
+@given(trees(MODIFIERS[:7], LEAF, cleaning))
+def test_shortest_ways_past_recoveries_and_cleanups_match_brute_force(tree: str) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    compare_shortest_ways(found, 0.0)
+
+
+def halted(plan: Plan, ticks: int) -> Iterator[int]:
+    """Every run that is halted after so many ticks: how many steps of the halt bring it to rest."""
+    tape = Tape()
+    tree = taped(plan.tree, tape)
+    more = True
+    while more:
+        run = RunState(ManualClock())
+        root = build(replace(plan, tree=tree), run, lambda _: Robot())
+        for _ in range(ticks):
+            run.tick += 1
+            if root.execute_tick() is not RUNNING:
+                break
+        else:
+            for step in range(1, TICKS + 1):
+                run.tick += 1
+                if root.halt():
+                    yield step
+                    break
+            else:
+                yield TICKS + 1
+        more = tape.rewind()
+
+
+@settings(max_examples=30)
+@example("look: 0 deg, finally: {listen: {for: [yes]}}")
+@example(
+    "look: 0 deg, finally: {sequence: [{scene_uniform: 1 s}, {listen: {for: [yes]}}], finally: {scene_uniform: 1 s}}"
+)
+@given(trees(MODIFIERS[:4], LEAF, cleaning))
+def test_halts_with_cleanups_take_as_long_as_in_brute_force(tree: str) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    runs = list(itertools.islice(halted(found, 1), RUNS + 1))
+    if len(runs) > RUNS or not runs:
+        return
+    space = StateSpace(MissionModel(found), MAX_STATES)
+    space.explore()
+    assert space.is_complete
+    first = [number for number in space.places[0].successors if space.places[number].kind == GOING]
+    steps, reached = 0, set(first)
+    while not any(space.places[number].kind == RESTED for number in reached):
+        steps += 1
+        onward = set().union(*(space.places[number].successors for number in reached))
+        reached = {number for number in onward if space.places[number].kind in (HALTING, RESTED)}
+    assert steps == min(runs)
+
+
+@settings(max_examples=15)
+@example("look: 0 deg, finally: {listen: {for: [yes]}}, retry: 2")
+@given(trees((*MODIFIERS[:4], *TIMES), LEAF, cleaning))
+def test_runs_with_cleanups_in_any_time_are_explored(tree: str) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    depths = explored(found)
+    for seconds in itertools.product((0.1, 1.0, 2.5), repeat=TICKS):
+        for ticks, status in itertools.islice(enumerated(found, seconds), 500):
+            if status is not RUNNING:
+                assert depths["success" if status is SUCCESS else "failure"] <= ticks
 
 
 @settings(max_examples=15)

@@ -283,6 +283,9 @@ def node(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
         "{{reactive_switch: {{on: a, cases: {{1: {0}}}, default: {1}}}}}".format, children, children
     )
     composites |= st.builds("{{for_each: {{in: {0}, as: c, number: d, do: {1}}}}}".format, LISTS, children)
+    cleanups = children.map(lambda child: child.replace("look: 0 deg", "show: a"))
+    composites |= st.builds("{{sequence: [{0}], retry: 3, recover: {1}}}".format, children, children)
+    composites |= st.builds("{{sequence: [{0}], finally: {1}}}".format, children, cleanups)
     return st.builds("{{sequence: [{0}], {1}}}".format, children | composites, st.sampled_from(MODIFIERS)) | composites
 
 

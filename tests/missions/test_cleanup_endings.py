@@ -1,0 +1,306 @@
+"""Every way in which a run ends: ``finally`` runs, and moves nothing, even if its leaf claims nothing and tries all."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+from py_trees.common import Status
+
+from behaviours.basics import Log
+from behaviours.catalogue import LEAVES as LEAVES_OF_OURS
+from behaviours.leaf import RUNNING, SUCCESS, Leaf
+from behaviours.robot import Robot
+from behaviours.run import RunState
+from config.diagnostics import SourceText
+from drivers.api import HeadPose, Lamp, Velocity
+from drivers.clock import ManualClock
+from drivers.errors import DeviceFault
+from missions.executive.build import build
+from missions.executive.events import CommandSent, Event, Logged, NodeChanged
+from missions.executive.executive import HALT_TIMEOUT
+from missions.executive.guard import BaseGuard
+from missions.executive.proxied_robot import robot_for, with_proxies
+from missions.executive.tick_cache import TickCache
+from missions.language.document import check_plan
+from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS, CaseRunner
+from missions.plugins.testing.recorders.bench import LeafTestBench
+from missions.request import RunRequest
+from missions.runner import Runner
+from tests.missions.testing.playing import cases
+
+LEAVES = '''
+from py_trees.behaviour import Behaviour
+from py_trees.common import Status
+
+from behaviours.leaf import Leaf, log
+from drivers.api import HeadPose, Velocity
+from drivers.errors import DriverError
+
+
+class Liar(Leaf):
+    """Claim nothing, and move all that the robot has: at the start, at each tick, and at the end."""
+
+    tag = "liar"
+
+    def initialise(self):
+        self.move()
+
+    def update(self):
+        self.move()
+        return Status.RUNNING
+
+    def terminate(self, new_status):
+        self.move()
+
+    def move(self):
+        robot = self.robot
+        for attempt in (
+            lambda: robot.base.drive(Velocity(0.3, 0.5)),
+            lambda: robot.base.enable(),
+            lambda: robot.head.look(HeadPose(0.5, 0.1)),
+            lambda: robot.arm.move({"elbow": 1.5}),
+            lambda: robot.arm.relax(),
+            lambda: robot.arm.recover(),
+        ):
+            try:
+                attempt()
+                log.warning("moved")
+            except DriverError as error:
+                log.warning("refused: %s", error)
+
+
+class Crasher(Leaf):
+    """Drive, then raise."""
+
+    tag = "crasher"
+    needs = drives = frozenset({"base"})
+
+    def update(self):
+        self.robot.base.drive(Velocity(0.3, 0.0))
+        if self.elapsed > 1.0:
+            raise RuntimeError("out of luck")
+        return Status.RUNNING
+
+
+class Blocker(Leaf):
+    """Drive, then block the tick, as the watchdog notes it."""
+
+    tag = "blocker"
+    needs = drives = frozenset({"base"})
+
+    def update(self):
+        self.robot.base.drive(Velocity(0.3, 0.0))
+        if self.elapsed > 1.0:
+            self.run.overrun = self, self.run.tick, self.run.wall.now() - 3.0
+        return Status.RUNNING
+
+
+class Plain(Behaviour):
+    """A behaviour of py_trees alone."""
+
+    def update(self):
+        log.info("plain")
+        return Status.SUCCESS
+'''
+
+CLEANUP = (
+    "{sequence: [{log: begin}, {liar: , name: liar, timeout: 150 ms, on_failure: succeed}, {plain: }, "
+    "{mission: sub.yaml}, {say: Done}, {log: cleaned}]}"
+)
+LIMBS = "{sweep_head: {amplitude: 30 deg}}, {sweep: {joints: [elbow], between: [20 deg, 80 deg], period: 3 s}}"
+
+
+@dataclass
+class Ending:
+    """Events of a run, split at the first start of its cleanup."""
+
+    before: Sequence[Event]
+    after: Sequence[Event]
+    violations: Sequence[str]
+    seconds: float
+
+    @property
+    def lines(self) -> set[str]:
+        """Lines that the cleanup has logged."""
+        return {event.text for event in self.after if isinstance(event, Logged)}
+
+    @property
+    def motions(self) -> list[CommandSent]:
+        """Commands during and after the cleanup that could move something: all but stops of the halted leaves."""
+        sent = [event for event in self.after if isinstance(event, CommandSent) and event.to in ("base", "head", "arm")]
+        return [event for event in sent if any(event.values.values()) and not {"stop", "hold"} & event.values.keys()]
+
+
+def write_files(folder: Path) -> None:
+    """Write the behaviours, and a mission for the cleanup."""
+    (folder / "behaviours").mkdir()
+    (folder / "behaviours" / "liars.py").write_text(LEAVES, encoding="utf-8")
+    (folder / "sub.yaml").write_text("mission: sub\ntree: {log: from sub}\n", encoding="utf-8")
+
+
+def ending(folder: Path, node: str, body: str, cleanup: str = CLEANUP, beside: str = "") -> Ending:
+    """Run a node with a cleanup on a robot with base, head and arm, to the end that the ``body`` of a case gives."""
+    write_files(folder)
+    mission = f"mission: m\ntree: {{race: [{{{node}}}, {LIMBS}], finally: {cleanup}{beside}}}\n"
+    (case,) = cases(folder, mission, f"robot: turtlebot2_arm, {body}")
+    stage = CaseRunner(case, IN_PROCESS_LIMITS)
+    stage.run()
+    events = stage.history.events
+    places = [
+        place for place, event in enumerate(events) if isinstance(event, NodeChanged) and event.node.startswith("1.2")
+    ]
+    start = places[0] if places else len(events)
+    result = stage.history.result
+    assert result is not None
+    return Ending(events[:start], events[start:], stage.violations, result.seconds)
+
+
+ENDINGS = {
+    "success": ("drive: 30 cm", "expect: {result: success}"),
+    "failure": ("drive: 20 m, timeout: 2 s", "expect: {result: failure}"),
+    "crash": ("crasher: ", "expect: {result: failure}"),
+    "overrun": ("blocker: ", "expect: {result: failure}"),
+    "interrupted": ("drive: 20 m", "timeout: 2 s, expect: {result: running}"),
+    "cliff": ("drive: 20 m", "given: [base cliff at 2 s for 3 s], expect: {result: failure}"),
+    "battery": ("drive: 20 m", "given: [base battery at 2 % from 1 s], expect: {result: failure}"),
+    "unplugged": ("drive: 20 m, timeout: 4 s", "given: [base unplugged at 2 s], expect: {result: failure}"),
+    "stop": ("drive: 20 m", "given: [run stopped from 2 s to 4 s], timeout: 6 s, expect: {result: running}"),
+    "end while stopped": (
+        "drive: 20 m",
+        "given: [run stopped from 2 s to 9 s], timeout: 4 s, expect: {result: running}",
+    ),
+    "end while paused": ("drive: 20 m", "given: [run paused from 2 s to 9 s], timeout: 4 s, expect: {result: running}"),
+}
+
+
+@pytest.mark.parametrize("way", ENDINGS)
+def test_finally_runs_and_moves_nothing_at_each_way_to_end(way: str, tmp_path: Path) -> None:
+    ended = ending(tmp_path, *ENDINGS[way])
+    assert any(isinstance(event, CommandSent) and event.to == "base" for event in ended.before)
+    assert {"plain", "from sub", "cleaned"} <= ended.lines
+    assert any(line.startswith("refused") for line in ended.lines)
+    assert "moved" not in ended.lines
+    assert ended.motions == []
+    assert ended.violations == []
+
+
+def test_the_liar_moves_the_robot_where_it_may(tmp_path: Path) -> None:
+    ended = ending(tmp_path, "sequence: [{liar: , timeout: 1 s}], on_failure: succeed", ENDINGS["success"][1])
+    lines = {event.text for event in ended.before if isinstance(event, Logged)}
+    assert "moved" in lines
+    assert not any(line.startswith("refused: kept still") for line in lines)
+
+
+def test_cleanup_of_a_preempted_node_ends_before_the_next_one_drives(tmp_path: Path) -> None:
+    node = "reactive_selector: [{turn: 30 deg, if: base.x > 30 cm}, {drive: 20 m, finally: {liar: }}]"
+    ended = ending(tmp_path, node, "timeout: 9 s, expect: {result: success}", "{log: cleaned}")
+    events = [*ended.before, *ended.after]
+    liar = [event.t for event in events if isinstance(event, NodeChanged) and event.kind == "liar"]
+    turn = [event.t for event in events if isinstance(event, NodeChanged) and event.kind == "turn" and not event.reason]
+    sent = [event for event in events if isinstance(event, CommandSent) and event.to == "base"]
+    assert liar[-1] - liar[0] == pytest.approx(1.0, abs=0.11)
+    assert turn[0] >= liar[-1]
+    assert not [event for event in sent if liar[0] < event.t < liar[-1] and any(event.values.values())]
+
+
+def test_final_halt_cuts_a_cleanup_that_takes_too_long(tmp_path: Path) -> None:
+    body = "timeout: 2 s, expect: {result: running}"
+    ended = ending(tmp_path, "drive: 20 m", body, "{sequence: [{log: begin}, {liar: }]}", ", halt_limit: 10 s")
+    assert ended.seconds == pytest.approx(2.0 + HALT_TIMEOUT, abs=0.3)
+    assert (ended.motions, ended.violations) == ([], [])
+
+
+def test_mocks_in_a_cleanup_run_as_leaves_do(tmp_path: Path) -> None:
+    body = "timeout: 2 s, given: [{say: fails}, {liar: 'runs for 200 ms, then succeeds'}], expect: {result: running}"
+    ended = ending(
+        tmp_path,
+        "drive: 20 m",
+        body,
+        "{sequence: [{log: begin}, {liar: }, {say: a, on_failure: succeed}, {log: cleaned}]}",
+    )
+    assert "cleaned" in ended.lines
+    assert (ended.motions, ended.violations) == ([], [])
+
+
+def test_device_failure_in_a_cleanup_does_not_prevent_the_end(tmp_path: Path) -> None:
+    body = "given: [voice unplugged at 1 s], timeout: 2 s, expect: {result: running}"
+    ended = ending(tmp_path, "drive: 20 m", body, "{selector: [{say: Done, timeout: 200 ms}, {log: cleaned}]}")
+    assert "cleaned" in ended.lines
+    assert ended.violations == []
+
+
+def test_error_of_the_executive_starts_no_cleanup_and_stops_the_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_files(tmp_path)
+    (tmp_path / "m.yaml").write_text("mission: m\ntree: {drive: 20 m, finally: {liar: }}\n", encoding="utf-8")
+    events: list[Event] = []
+    runner = Runner(
+        RunRequest(str(tmp_path / "m.yaml"), robot="turtlebot2", simulate="fast"), listeners=[events.append]
+    )
+    twins = runner.twins
+    assert twins is not None
+    assert twins.base is not None
+
+    def fail() -> str:
+        raise ZeroDivisionError("a bug")
+
+    twins.timeline.call_at(2.0, lambda: monkeypatch.setattr(BaseGuard, "check", lambda _: fail()))
+    with pytest.raises(ZeroDivisionError):
+        runner.run()
+    twins.timeline.run_until(twins.timeline.clock.now() + 1.0)
+    assert twins.base.body.velocity == Velocity(0.0, 0.0)
+    assert [event for event in events if isinstance(event, NodeChanged) and event.kind == "liar"] == []
+
+
+def test_cleanup_that_claims_an_actuator_is_not_run() -> None:
+    class Quiet(Leaf):
+        """Claim the base, as a replaced leaf could."""
+
+        tag = "quiet"
+        drives = frozenset({"base"})
+        ticks = 0
+
+        def update(self) -> Status:
+            type(self).ticks += 1
+            return SUCCESS
+
+    text = "mission: m\ntree: {pretend: [running, success], finally: {log: a}}\n"
+    plan = check_plan(SourceText("m.yaml", text), LEAVES_OF_OURS, {})
+    run = RunState(ManualClock())
+    root = build(plan, run, lambda _: Robot(), substitute=lambda step, leaf: Quiet("q") if step.kind == "log" else leaf)
+    statuses = [root.execute_tick() for run.tick in (1, 2)]
+    assert (statuses, Quiet.ticks) == ([RUNNING, SUCCESS], 0)
+
+
+@pytest.fixture
+def bench() -> LeafTestBench:
+    return LeafTestBench()
+
+
+def test_robot_of_a_cleanup_refuses_every_command_but_stops_lights_and_voice(bench: LeafTestBench) -> None:
+    leaf = bench.put(Log("log"))
+    leaf.in_finally = True
+    robot = robot_for(leaf, with_proxies(bench.robot, TickCache()), lambda *_: None)
+    refused: list[Callable[[], object]] = [
+        lambda: robot.base.drive(Velocity(0.1, 0.0)),
+        robot.base.enable,
+        lambda: robot.legs.perform("sit"),
+        lambda: robot.head.look(HeadPose(0.1, 0.0)),
+        lambda: robot.arm.move({"elbow": 0.1}),
+        robot.arm.relax,
+        robot.arm.recover,
+        lambda: robot.ros2.publish("/cmd_vel", "geometry_msgs/msg/Twist", "{}"),
+        lambda: robot.ros2.call("/move", "std_srvs/srv/Trigger", "{}"),
+    ]
+    for command in refused:
+        with pytest.raises(DeviceFault, match="kept still"):
+            command()
+    for part in (bench.base, bench.head, bench.arm, bench.ros2):
+        assert part.commands == []
+    robot.base.stop()
+    robot.lights.light(1, Lamp.GREEN)
+    robot.arm.hold()
+    robot.voice.say("Done")
+    assert bench.base.commands[-1] == (1, Lamp.GREEN)
