@@ -14,7 +14,7 @@ DISTANCE_TOLERANCE = 0.1
 """Default tolerance in metres of the base's position that a test case expects."""
 
 GIVEN_HINT = "write 'gesture: fails twice' for a mock, or 'camera frozen from 5 s to 8 s'"
-SCRIPT_HINT = "such as 'fails twice, then succeeds'"
+SCRIPT_HINT = "such as 'fails twice, then succeeds', in quotes within { }"
 
 Eyes = Literal["pixels", "truth"]
 Result = Literal["success", "failure", "error", "interrupted", "running"]
@@ -101,7 +101,7 @@ class ExpectKeys:
         default={},
         wrong="'{}' needs names and values",
         hint="such as {greeted: 2}",
-        help="Results of the mission: `{greeted: 2}`.",
+        help="Results of the mission: `{greeted: 2, names: [Anna, Ben]}`.",
     )
 
 

@@ -256,6 +256,10 @@ def _run_seconds(history: CaseHistory) -> float:
 def _is_equal(found: object, expectation: object) -> bool:
     if isinstance(found, int | float) and isinstance(expectation, int | float) and not isinstance(found, bool):
         return math.isclose(found, expectation, rel_tol=1e-6, abs_tol=1e-6)
+    if isinstance(found, list) and isinstance(expectation, list) and len(found) == len(expectation):
+        return all(map(_is_equal, found, expectation))
+    if isinstance(found, dict) and isinstance(expectation, dict) and found.keys() == expectation.keys():
+        return all(_is_equal(found[name], value) for name, value in expectation.items())
     return found == expectation
 
 

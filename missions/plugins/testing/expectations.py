@@ -13,8 +13,8 @@ from config.units import quoted_value, si_value
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from drivers.api.keys import declared_keys
 from missions.executive.guard import REFLEXES
-from missions.language.lists import default_value
 from missions.plugins.testing.event_specs import NodeError, read_event
+from missions.plugins.testing.mock_results import plain_data
 from missions.plugins.testing.phrases import Phrase
 
 MAY_BE_EMPTY = ("said", "showed", "moods", "notified", "faults", "reflexes")
@@ -175,10 +175,8 @@ def _read_returns(fields: Fields, node: Node, names: CaseNames) -> Iterator[Expe
         if name.text not in names.returns:
             hint = suggest_from(name.text, names.returns) or "it has no results"
             fields.add_error(name.mark, f"the mission returns no {quoted_value(name.text)}", hint)
-        elif not isinstance(value, Scalar):
-            fields.add_error(value.mark, f"'{name.text}' needs one value")
         else:
-            yield ExpectedItem(name.mark, (name.text, default_value(value)))
+            yield ExpectedItem(name.mark, (name.text, plain_data(value)))
 
 
 def _check_node(fields: Fields, name: Scalar, names: CaseNames) -> None:

@@ -50,7 +50,13 @@ def history() -> CaseHistory:
     found.pose = Pose2D(1.0, 2.0, 3.1)
     found.joints = {"elbow": 0.5}
     found.heard_by = {"Anna": ["Hello, you", "Bye"], "Ben": []}
-    found.returns = {"count": 2, "name": "Anna", "ready": True, "share": 0.1 + 0.2}
+    found.returns = {
+        "count": 2,
+        "name": "Anna",
+        "ready": True,
+        "share": 0.1 + 0.2,
+        "ways": [{"x": 0.1 + 0.2}, {"x": 2}],
+    }
     return found
 
 
@@ -95,7 +101,7 @@ CAME_TRUE: list[tuple[str, list[object]]] = [
     ("base", ["stopped"]),
     ("pose", [PoseTarget(1.05, 2.0), PoseTarget(1.0, 2.0, heading=-3.1)]),
     ("joints", [("elbow", 0.5, 0.0), ("elbow", 0.6, 0.11)]),
-    ("returns", [("count", 2), ("name", "Anna"), ("ready", True), ("share", 0.3)]),
+    ("returns", [("count", 2), ("name", "Anna"), ("ready", True), ("share", 0.3), ("ways", [{"x": 0.3}, {"x": 2}])]),
 ]
 
 DID_NOT: list[tuple[str, list[object], str]] = [
@@ -147,6 +153,9 @@ DID_NOT: list[tuple[str, list[object], str]] = [
     ("returns", [("name", "Ben")], "'name' was Anna"),
     ("returns", [("ready", False)], "'ready' was yes"),
     ("returns", [("missing", 1)], "'missing' was nothing"),
+    ("returns", [("ways", [{"x": 0.3}, {"x": 3}])], "'ways' was"),
+    ("returns", [("ways", [{"x": 0.3}])], "'ways' was"),
+    ("returns", [("ways", [{"x": 0.3}, {"y": 2}])], "'ways' was"),
 ]
 
 

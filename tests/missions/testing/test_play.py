@@ -169,6 +169,67 @@ def test_loops_counts_and_switches_are_tried_like_any_node(body: str, tmp_path: 
     assert seen(played(tmp_path, ROOMS, body)) == []
 
 
+SKIPS = """\
+mission: m
+params: {polite: false}
+tree:
+  selector:
+    - sequence:
+        - say: One
+          if: polite
+        - sequence: [{say: Two, if: polite}, {say: Three, if: polite}]
+          name: pair
+      name: greeting
+    - say: Four
+      if: not polite
+    - drive: 10 cm
+"""
+
+
+@pytest.mark.parametrize(
+    ("body", "told"),
+    [
+        ("expect: {said: Four, ran: {say: 1, greeting: 0}, never_ran: [greeting, pair, drive]}", []),
+        ("params: {polite: true}, expect: {said: [One, Two, Three], succeeded: [greeting, pair]}", []),
+        ("params: {polite: true}, given: [{pair: fails}], expect: {said: One, failed: pair, succeeded: drive}", []),
+        ("given: [{pair: succeeds}], expect: {said: [], ran: pair, never_ran: drive}", []),
+        ("given: [{say: succeeds}], expect: {ran: {say: 1, pair: 0}}", []),
+        ("expect: {succeeded: pair}", ["'pair' never ran"]),
+        ("expect: {order: [greeting starts]}", ["it never happened"]),
+    ],
+)
+def test_skipped_node_has_not_run(body: str, told: list[str], tmp_path: Path) -> None:
+    assert seen(played(tmp_path, SKIPS, body)) == told
+
+
+CONDITIONS = """mission: m
+tree:
+  sequence:
+    - check: battery.percent > 120
+    - wait_until: base.x > 2 m
+    - wait_for: {face_seen: 1 s}
+      name: wait for a face
+    - wait: 1 h
+      for: 2 s
+"""
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        "expect: {result: failure, reason: battery.percent is 100, failed: check}",
+        "timeout: 3 s, given: [{check: succeeds}], expect: {result: running, ran: wait_until}",
+        (
+            "given: [{check: succeeds}, {wait_until: succeeds after 1 s}, {face_seen: 'fails twice, then succeeds'}], "
+            "expect: {result: success, after: 3 s, ran: {face_seen: 3}, order: [wait starts, wait halts]}"
+        ),
+        "given: [{'*': succeeds}, {wait for a face: fails}], expect: {result: failure, never_ran: face_seen}",
+    ],
+)
+def test_conditions_are_mocked_like_any_node(body: str, tmp_path: Path) -> None:
+    assert seen(played(tmp_path, CONDITIONS, body)) == []
+
+
 def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
     bench = LeafTestBench()
     root = bench.put(DriveLeaf("root"), distance=1.0)

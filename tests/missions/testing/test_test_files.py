@@ -159,6 +159,8 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
         (one_case("    given: [{sequence: fails}]\n"), "5:14: 'sequence' is not the name of one behaviour"),
         (one_case("    given: [{nod: }]\n"), "5:19: what 'nod' does instead is missing"),
         (one_case("    given: [{nod: {does: fails, till: noon}}]\n"), "5:33: a mock has no key 'till'"),
+        (one_case("    given: [{nod: fails, then succeeds}]\n"), "5:39: what 'then succeeds' does instead is missing"),
+        (one_case("    expect: {result: running}\n"), "5:22: 'running' needs the time after which the run is ended"),
         (one_case("    given: [arm unplugged]\n"), "5:13: mission 'nod' does not use an arm"),
         (one_case("    given: [[a]]\n"), "5:13: neither a mock nor something that goes wrong"),
         (one_case("    world: nowhere\n"), "5:12: unknown world 'nowhere'"),
