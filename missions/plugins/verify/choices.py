@@ -25,17 +25,26 @@ class NondetChoice:
 
 
 class Oracle:
-    """Makes choices from a script, and takes the first option after its end; ``choices`` records them."""
+    """Makes choices from a script, and takes the first option after its end; ``choices`` records them.
+
+    ``reports`` has, for each sensor read in this step, whether it reports; ``all_sensors_report`` is true if all do.
+    """
 
     def __init__(self) -> None:
         self.choices: list[NondetChoice] = []
-        self._reports: dict[str, bool] = {}
+        self.reports: dict[str, bool] = {}
+        self.all_sensors_report = True
         self._script: Script = ()
 
     def follow(self, script: Script) -> None:
         """Begin a step whose first choices are those of ``script``."""
         self._script = script
-        self.choices, self._reports = [], {}
+        self.choices, self.reports, self.all_sensors_report = [], {}, True
+
+    @property
+    def follows_script(self) -> bool:
+        """Whether a choice of the script is still to be made in this step."""
+        return len(self.choices) < len(self._script)
 
     def choose(self, options: Sequence[T], describe: Callable[[T], str]) -> T:
         """Return one of ``options``, as the script says.
@@ -51,14 +60,11 @@ class Oracle:
 
     def sensor_reports(self, sensor: str) -> bool:
         """Return whether a sensor reports in this step: a choice made once per step."""
-        if sensor not in self._reports:
-            self._reports[sensor] = self.choose((True, False), partial(_describe_silence, sensor))
-        return self._reports[sensor]
-
-    @property
-    def all_sensors_report(self) -> bool:
-        """Whether every sensor read in this step reports."""
-        return all(self._reports.values())
+        found = self.reports.get(sensor)
+        if found is None:
+            found = self.reports[sensor] = self.choose((True, False), partial(_describe_silence, sensor))
+            self.all_sensors_report = self.all_sensors_report and found
+        return found
 
     @property
     def script(self) -> Script:

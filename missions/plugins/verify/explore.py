@@ -15,6 +15,7 @@ from missions.language.nodes import MISSION, MODIFIERS
 from missions.plugins.verify.choices import Script
 from missions.plugins.verify.model import MissionModel, ModelState
 from missions.plugins.verify.rule_monitor import Violation
+from missions.plugins.verify.tick_merging import RunMergedError
 
 GOING, HALTING, RESTED = "going", "halting", "rested"
 """Kinds of a state: the run is ticked; it is halting; it is at rest after a halt."""
@@ -116,13 +117,22 @@ class StateSpace:
 
     def _expand(self, number: int, *, halted: bool) -> None:
         """Take every possible step from the state with this number: all ticks, or all halts if ``halted``."""
+        self.model.merger.start()
+        self._take_steps(number, halted=halted)
+        self.model.merger.stop()
+
+    def _take_steps(self, number: int, *, halted: bool) -> None:
         script: Script | None = ()
         while script is not None:
             if self._is_full():
                 self.open.add(number)
                 return
-            kind = self.step(number, script, halted=halted)
             self.transitions += 1
+            try:
+                kind = self.step(number, script, halted=halted)
+            except RunMergedError:
+                script = self.model.oracle.next_script()
+                continue
             taken = self.model.oracle.script
             for breach in self.model.watch.violations:
                 self.violations.setdefault(breach.rule, FirstViolation(breach, number, taken, halted))
@@ -138,6 +148,7 @@ class StateSpace:
         if state is not None:
             model.restore(state)
         model.oracle.follow(script)
+        model.merger.begin_run()
         if halted:
             kind = RESTED if model.halt() else HALTING
         else:

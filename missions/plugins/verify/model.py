@@ -13,7 +13,7 @@ from behaviours.basics import Check, WaitUntil
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
-from behaviours.run import SENSOR_TIMEOUT, NodeCallback, RunState
+from behaviours.run import SENSOR_TIMEOUT, RunState
 from missions.executive.build import Scope, build
 from missions.executive.modifiers import (
     MAX_RETICK_INTERVAL,
@@ -28,7 +28,7 @@ from missions.executive.parallel import Parallel
 from missions.executive.parent import Modifier, Parent
 from missions.executive.submission import Submission
 from missions.language.definite_assignment import catches_failure
-from missions.language.expressions import Value
+from missions.language.expressions import Template, Value
 from missions.language.for_each import ListMembers, steps_in_scope
 from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import FAILURE_NAME, FINALLY, FOR_EACH, MISSION, MODIFIERS, SWITCHES
@@ -53,6 +53,8 @@ from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
 from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, stand_in_class, wait_seconds
 from missions.plugins.verify.symbolic_time import Rows as Times
 from missions.plugins.verify.symbolic_time import SymbolicClock, UnknownTime, extrapolate
+from missions.plugins.verify.tick_merging import TickMerger
+from missions.plugins.verify.value_effects import ineffective_variables
 
 # Abstraction of a checked plan: leaves become stand-ins, unknown values become choices.
 
@@ -102,7 +104,16 @@ def _abstract_arguments(step: Step, leaf: type[Leaf], oracle: Oracle, names: fro
             for name, value in relevant.items()
         }
     computed = {name: value for name, value in step.arguments.items() if value.template is not None}
-    return {f"argument_{name}": _nondet_value(value, oracle) for name, value in computed.items()}
+    return {
+        f"argument_{name}": _nondet_value(_text_as_it_is(leaf, name, value), oracle) for name, value in computed.items()
+    }
+
+
+def _text_as_it_is(leaf: type[Leaf], name: str, value: Value) -> Value:
+    """Return the value of an argument without its conversion if that only turns a text into a text."""
+    takes_text = name in leaf.arguments and leaf.arguments[name].kind == "text"
+    is_text = isinstance(value.template, Template) and len(value.template.parts) > 1
+    return replace(value, convert=None) if takes_text and is_text else value
 
 
 def _reads_sensor(value: Value) -> bool:
@@ -302,27 +313,40 @@ def _read_variables(step: Step, key: str, names: frozenset[str]) -> Iterator[tup
 class ScopeSnapshots:
     """Saves and restores the variables of a mission and its sub-missions.
 
-    ``variables`` are those of the mission itself, ``nodes`` the nodes that were built from ``tree``.
+    ``variables`` are those of the mission itself, ``nodes`` the nodes that were built from ``tree``. ``hidden`` are the
+    variables of each scope whose values have no effect; they are stored as unknown.
     """
 
-    def __init__(self, tree: Step, nodes: Sequence[Node], variables: Scope) -> None:
+    def __init__(
+        self, tree: Step, nodes: Sequence[Node], variables: Scope, hidden: Sequence[frozenset[str]] = ()
+    ) -> None:
         self._nodes = nodes
         self._scopes = (variables, *(node.inner for node in nodes if isinstance(node, Submission)))
         self._live = live_while_running(tree)
+        self._hidden = hidden or (frozenset(),) * len(self._scopes)
         self._live_in: dict[Rows, tuple[frozenset[str] | None, ...]] = {}
+        self._restored: tuple[Scope, ...] = ()
+        self._restored_from: Sequence[Row] | None = None
 
     def take(self, rows: Rows) -> tuple[Row, ...]:
         """Return the live variables of each scope; ``rows`` is the state of the nodes at this time."""
         if rows not in self._live_in:
             self._live_in[rows] = self._live_now()
-        each = zip(self._scopes, self._live_in[rows], strict=True)
-        return tuple(freeze(scope if live is None else _select(scope, live)) for scope, live in each)
+        each = zip(self._scopes, self._live_in[rows], self._hidden, strict=True)
+        return tuple(freeze(_select(scope, live, hidden)) for scope, live, hidden in each)
+
+    def changes(self) -> object:
+        """Return the variables that differ from those restored last, in hashable form."""
+        each = zip(self._scopes, self._restored, self._hidden, strict=True)
+        return tuple(_differences(scope, before, hidden) for scope, before, hidden in each)
 
     def restore(self, rows: Sequence[Row]) -> None:
         """Restore the variables of every scope from ``rows``; variables that are not in ``rows`` are removed."""
-        for scope, row in zip(self._scopes, rows, strict=True):
+        if rows is not self._restored_from:
+            self._restored, self._restored_from = tuple(map(thaw, rows)), rows
+        for scope, restored in zip(self._scopes, self._restored, strict=True):
             scope.clear()
-            scope.update(thaw(row))
+            scope.update(restored)
 
     def _live_now(self) -> tuple[frozenset[str] | None, ...]:
         """Return, for each scope, the variables that the run may still read.
@@ -339,8 +363,43 @@ class ScopeSnapshots:
         return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
 
 
-def _select(scope: Scope, names: frozenset[str]) -> Mapping[str, object]:
-    return {name: scope[name] for name in names if name in scope}
+def _select(scope: Scope, names: frozenset[str] | None, hidden: frozenset[str]) -> Mapping[str, object]:
+    """Return the variables with these names, all if None; those that are ``hidden`` are unknown."""
+    chosen = scope if names is None else names & scope.keys()
+    return {name: UNKNOWN if name in hidden else scope[name] for name in chosen}
+
+
+def _differences(scope: Scope, before: Scope, hidden: frozenset[str]) -> object:
+    """Return the variables of ``scope`` that are others than ``before``, and the names that are missing."""
+    changed = {
+        name: UNKNOWN if name in hidden else value
+        for name, value in scope.items()
+        if name not in before or (before[name] is not value and name not in hidden)
+    }
+    gone = frozenset(before.keys() - scope.keys())
+    return (freeze(changed), gone) if changed or gone else ()
+
+
+def sensor_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[str, Sequence[Node]]:
+    """Return the nodes that read each sensor; the steps of ``tree`` must be abstract."""
+    steps = dict(steps_by_key(tree))
+    readers: defaultdict[str, list[Node]] = defaultdict(list)
+    for node in nodes:
+        step = steps[node.key]
+        values = (*step.arguments.values(), *step.returns.values())
+        sensors = {sensor for value in values if isinstance(value, NondetValue) for sensor in value.sensors}
+        if isinstance(node, StandIn) and node.sensor:
+            sensors.add(node.sensor)
+        for sensor in sensors:
+            readers[sensor].append(node)
+    return readers
+
+
+def steps_by_key(step: Step, key: str = "1") -> Iterator[tuple[str, Step]]:
+    """Yield each step of a tree with the key of its node."""
+    yield key, step
+    for place, child in enumerate(step.children, start=1):
+        yield from steps_by_key(child, f"{key}.{place}")
 
 
 MAX_ORDERED_CHILDREN = 5
@@ -368,7 +427,7 @@ class MissionModel:
         self.run = RunState(self.timing)
         self.run.sensor_timeout = sensor_timeout
         self.shuffler = self.run.random = Shuffler(self.oracle)
-        self.run.observer = NodeCallback(self.watch.on_status_change)
+        self.run.observer = self.watch
         self.run.variables.update({part: NondetSensor(self.oracle, part) for part in STATE_KINDS})
         self.run.variables.update(dict.fromkeys((*missing_params(plan), FAILURE_NAME), UNKNOWN))
         tree = abstract_step(plan.tree, self.oracle, self.watch, plan.tree.variables)
@@ -390,7 +449,20 @@ class MissionModel:
         }
         self.watch.reads = variable_readers(plan.tree, self.nodes)
         self._snapshots = Snapshots(self.nodes, self.timing)
-        self._scopes = ScopeSnapshots(tree, self.nodes, self.run.variables)
+        hidden = ineffective_variables(tree, plan.params)
+        self._scopes = ScopeSnapshots(tree, self.nodes, self.run.variables, hidden)
+        self.merger = TickMerger(
+            self.nodes,
+            self.run,
+            self.oracle,
+            self.watch,
+            self.timing,
+            self._snapshots,
+            self._scopes,
+            sensor_readers(tree, self.nodes),
+        )
+        for leaf in self.watch.leaves:
+            leaf.merger = self.merger
         self._seconds = sorted({*durations(plan.tree), sensor_timeout, MAX_RETICK_INTERVAL})
 
     def tick(self) -> None:
@@ -414,8 +486,6 @@ class MissionModel:
         """Restore a state, and begin a step from it."""
         self.timing.set(state.times)
         self._snapshots.restore(state.rows)
-        for node in self.nodes:
-            node.suspension = None
         self._scopes.restore(state.variables)
         self.watch.begin(state.happened, state.moving)
 

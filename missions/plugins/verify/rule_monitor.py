@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from py_trees.common import Status
 
-from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
+from behaviours.leaf import FAILURE, IDLE, RUNNING, Leaf
 from behaviours.node import Node
 from missions.executive.parent import Modifier
 from missions.language.plan import MissionProperty
@@ -191,23 +191,36 @@ class RuleMonitor:
 
     # --- called by the stand-ins and the nodes ------------------------------------------------------------------------
 
-    def on_status_change(self, node: Node) -> None:
-        """Handle a node's new status: the observer callback of the run."""
-        self.changes.append((node, node.status))
-        if node.status is not IDLE and self.oracle.all_sensors_report:
+    def on_status(self, time: float, tick: int, node: Node, status: Status, reason: str) -> None:
+        """Handle a node's new status (as a ``behaviours.run.NodeObserver``)."""
+        del time, tick
+        self.changes.append((node, status))
+        if status is IDLE:
+            return
+        if self.oracle.all_sensors_report:
             self.reached.add(node)
-        if self.timed_nodes.get(node) is node.status and all(child.status is not FAILURE for child in node.children):
+        if status is RUNNING:
+            return
+        if self.timed_nodes.get(node) is status and all(child.status is not FAILURE for child in node.children):
             self.expired.add(node)  # the timeout itself has failed, not its child
-        if node.status is FAILURE:
-            for name in sorted(self.reads.get(node, frozenset()) - node.scope.keys()):
-                if f"'{name}' is not set" in node.feedback_message:
-                    self.violations.append(
-                        Violation(VARIABLES_SET, f"'{name}' is read here, but nothing has set it", node)
-                    )
-        if node.status is SUCCESS:
-            self.completed_round = self.completed_round or node in self.rounds
-            for monitor in self.monitors:
-                monitor.on_success(node)
+        if status is FAILURE:
+            if node in self.reads:
+                self._check_reads(node, reason)
+            return
+        self.completed_round = self.completed_round or node in self.rounds
+        for monitor in self.monitors:
+            monitor.on_success(node)
+
+    def on_reset(self, time: float, tick: int, nodes: Sequence[Node]) -> None:
+        """Handle the reset of nodes (as a ``behaviours.run.NodeObserver``)."""
+        del time, tick
+        self.changes += [(node, IDLE) for node in nodes]
+
+    def _check_reads(self, node: Node, reason: str) -> None:
+        """Record a violation if a node has failed because a variable that it reads is not set."""
+        for name in sorted(self.reads[node] - node.scope.keys()):
+            if f"'{name}' is not set" in reason:
+                self.violations.append(Violation(VARIABLES_SET, f"'{name}' is read here, but nothing has set it", node))
 
     def on_start(self, leaf: "StandIn") -> None:
         """Handle the start of a leaf: check the rules and properties about starts."""

@@ -1,11 +1,12 @@
 """Snapshots of a model's nodes and variables: hashable, and equal if the model goes on in the same way."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
-from behaviours.node import Node
+from behaviours.node import Node, Suspension
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import MAX_RETICK_INTERVAL, RepeatModifier, RetryModifier
 from missions.executive.parallel import Parallel
@@ -42,23 +43,24 @@ UNKNOWN_INSTANT = ZoneInstant(-1, 0.0)
 class NodeFields:
     """Fields of one node in a snapshot: their names, and their values at rest.
 
-    ``resting_rows`` caches, by status index, the row numbers of a node without lasting fields. In most states, most
-    nodes have such a row. ``is_counted`` is true for a child of a parallel, which counts its skipped children apart.
+    ``own`` is the node's own namespace, which always has all of the ``names``. ``lasting`` gets the fields from it that
+    last beyond a run, and ``initial`` are their initial values. ``resting_rows`` caches, by status index, the row
+    numbers of a node with initial values that does not run; ``running_rows`` those of a node that runs, by the status
+    index and the values. In most states, most nodes have such a row. ``is_counted`` is true for a child of a parallel,
+    which counts its skipped children apart.
     """
 
     node: Node
     parent: int | None
     is_counted: bool
+    own: dict[str, Any]
     names: tuple[str, ...]
     at_rest: tuple[tuple[bool, object], ...]
-    lasting: tuple[tuple[str, object], ...]
+    lasting: Callable[[Mapping[str, object]], object]
+    initial: object
+    values: Callable[[Mapping[str, object]], object]
     resting_rows: dict[int, int] = field(default_factory=dict)
-
-    @property
-    def is_initial(self) -> bool:
-        """Whether all fields that keep their values after the node has ended have their initial values."""
-        node = self.node
-        return not self.lasting or all(getattr(node, name) is at_rest for name, at_rest in self.lasting)
+    running_rows: dict[tuple[int, object], int] = field(default_factory=dict)
 
     @classmethod
     def of(cls, node: Node, parent: int | None) -> "NodeFields":
@@ -67,8 +69,16 @@ class NodeFields:
         running, lasting = declared_state(type(node))
         names = tuple(name for name in sorted(running | lasting) if name != "result" or not _recomputes_result(node))
         at_rest = tuple((name in lasting, getattr(node, name)) for name in names)
-        lasts = tuple((name, getattr(node, name)) for name in names if name in lasting)
-        return cls(node, parent, is_counted, names, at_rest, lasts)
+        own = vars(node)
+        own |= {"suspension": None, "is_skipped": False}
+        own.update(zip(names, (value for _, value in at_rest), strict=True))
+        lasts = _getter([name for name in names if name in lasting])
+        return cls(node, parent, is_counted, own, names, at_rest, lasts, lasts(own), _getter(names))
+
+
+def _getter(names: Sequence[str]) -> Callable[[Mapping[str, object]], object]:
+    """Return a function that gets the values of ``names`` from a mapping."""
+    return itemgetter(*names) if names else lambda _: None
 
 
 class Snapshots:
@@ -78,34 +88,63 @@ class Snapshots:
         self._timing = timing
         parents = {child: place for place, node in enumerate(nodes) for child in node.children}
         self._parts = [NodeFields.of(node, parents.get(node)) for node in nodes]
-        self._own: list[dict[str, Any]] = [vars(node) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
-        self._fields: list[
-            tuple[dict[str, Any], dict[str, ZoneInstant]]
-        ] = []  # by row number: plain values, and instants
+        self._rows: list[dict[str, object]] = []  # fields by row number
+        self._lingering = [part.node for part in self._parts if isinstance(part.node, StandIn) and part.node.lingers]
 
-    def take(self) -> tuple[Rows, dict[int, float]]:
+    def take(self, ticking: Collection[int] = ()) -> tuple[Rows, dict[int, float]]:
         """Return the rows of all nodes, and the instants in the rows, each with the longest wait from it in seconds.
 
         An instant is given by its index in the zone, the time bounds of the state. A row refers to an instant by its
-        place in the returned mapping.
+        place in the returned mapping. ``ticking`` are the indices of nodes that are being ticked, whatever their status
+        is so far.
         """
         instants: dict[int, float] = {}
         running: list[bool] = []
         rows = []
-        for part in self._parts:
-            runs = part.node.status is RUNNING
+        for number, part in enumerate(self._parts):
+            runs = part.node.status is RUNNING or number in ticking
             running.append(runs)
             # The end status of a node matters only while its parent runs.
             known = runs or part.parent is None or running[part.parent]
             place = _status_index(part) if known else 0
-            if runs or not part.is_initial:
-                rows.append(self._row(part, place, instants, runs=runs))
+            if runs:
+                rows.append(self._running_row(part, place, instants))
+                continue
+            if part.lasting(part.own) != part.initial:
+                rows.append(self._row(part, place, instants, runs=False))
                 continue
             if place not in part.resting_rows:
                 part.resting_rows[place] = self._row(part, place, instants, runs=False)
             rows.append(part.resting_rows[place])
         return tuple(rows), instants
+
+    def marks(self, ticking: Collection[int]) -> tuple[tuple[int, bool | None, bool], ...]:
+        """Return the nodes that were suspended or skipped in this tick, with both facts; ``ticking`` as above.
+
+        For a suspension, the fact is whether its time is over.
+        """
+        found = []
+        for number, part in enumerate(self._parts):
+            suspension, is_skipped = part.own["suspension"], part.own["is_skipped"]
+            if (suspension is not None or is_skipped) and number not in ticking:
+                found.append((number, None if suspension is None else suspension.timed_out, is_skipped))
+        return tuple(found)
+
+    def halted_in(self, tick: int) -> tuple[StandIn, ...]:
+        """Return the leaves that were halted in ``tick`` and need more time."""
+        return tuple(leaf for leaf in self._lingering if leaf.is_halted_in(tick))
+
+    def _running_row(self, part: NodeFields, place: int, instants: dict[int, float]) -> int:
+        """Return the number of the row of a node that runs."""
+        values = part.values(part.own)
+        if any(type(value) is Instant for value in (values if type(values) is tuple else (values,))):
+            return self._row(part, place, instants, runs=True)  # equal instants may be different ones
+        try:
+            return part.running_rows[place, values]
+        except KeyError:
+            found = part.running_rows[place, values] = self._row(part, place, instants, runs=True)
+            return found
 
     def _row(self, part: NodeFields, place: int, instants: dict[int, float], *, runs: bool) -> int:
         """Return the number of a node's present row; ``place`` is the index of the node's status.
@@ -123,21 +162,21 @@ class Snapshots:
         """Return the number of a row. Numbers make the frequent comparisons of states fast."""
         number = self._numbers.get((names, row))
         if number is None:
-            number = self._numbers[names, row] = len(self._fields)
-            named = dict(zip(names, row[1:], strict=True))
-            instants = {name: value for name, value in named.items() if isinstance(value, ZoneInstant)}
-            plain = {name: value for name, value in named.items() if name not in instants}
-            status = {"status": STATUSES[row[0]], "is_skipped": row[0] == SKIPPED_INDEX}
-            self._fields.append((plain | status, instants))
+            number = self._numbers[names, row] = len(self._rows)
+            skipped = row[0] == SKIPPED_INDEX
+            fields = {"status": STATUSES[row[0]], "is_skipped": skipped, "suspension": None} | dict(
+                zip(names, row[1:], strict=True)
+            )
+            for name, value in fields.items():
+                if isinstance(value, ZoneInstant):
+                    fields[name] = Instant(self._timing, value.place, value.offset)
+            self._rows.append(fields)
         return number
 
     def restore(self, rows: Rows) -> None:
         """Restore the fields of every node."""
-        for fields, number in zip(self._own, rows, strict=True):
-            plain, instants = self._fields[number]
-            fields.update(plain)
-            for name, (place, offset) in instants.items():
-                fields[name] = Instant(self._timing, place, offset)
+        for part, number in zip(self._parts, rows, strict=True):
+            part.own.update(self._rows[number])
 
 
 def declared_state(kind: type[Node]) -> tuple[frozenset[str], frozenset[str]]:
@@ -184,6 +223,8 @@ def _row_value(value: object, node: Node, name: str, instants: dict[int, float])
         return ZoneInstant(list(instants).index(value.place), value.offset)
     if isinstance(value, str):
         return ""  # a text without effect
+    if isinstance(value, Suspension):
+        return replace(value, reason="")
     if isinstance(value, tuple):
         return tuple(_row_value(each, node, name, instants) for each in value)
     if type(value) is int and isinstance(node, RetryModifier | RepeatModifier | ForEach) and name != "setting":

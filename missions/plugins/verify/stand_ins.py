@@ -4,7 +4,7 @@ import ast
 import inspect
 import textwrap
 from types import FunctionType
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from py_trees.common import Status
 
@@ -14,6 +14,9 @@ from missions.language.plan import Step
 from missions.plugins.verify.abstract_values import UNKNOWN
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.rule_monitor import RuleMonitor
+
+if TYPE_CHECKING:
+    from missions.plugins.verify.tick_merging import TickMerger
 
 
 class TickOutcome(NamedTuple):
@@ -39,7 +42,8 @@ class StandIn(Leaf):
     """Leaf that may run, succeed or fail, as listed in ``outcomes``; it has the claims of the real leaf.
 
     If ``merges_ends``, it never fails, since failure would have the same effect as success. With a ``leader``, another
-    stand-in, it runs while the leader runs and ends in the same tick (see missions.plugins.verify.model).
+    stand-in, it runs while the leader runs and ends in the same tick (see missions.plugins.verify.model). ``merger``
+    is called before each tick.
     """
 
     run_state: ClassVar[tuple[str, ...]] = ("live",)
@@ -54,6 +58,16 @@ class StandIn(Leaf):
     live = False
     merges_ends = False
     leader: "StandIn | None" = None
+    merger: "TickMerger | None" = None
+
+    def on_tick(self) -> Status:
+        if self.merger is not None:
+            self.merger.visit(self)
+        return super().on_tick()
+
+    def is_halted_in(self, tick: int) -> bool:
+        """Return whether the leaf was halted in ``tick`` and needs more time."""
+        return self._halt_by is not None and self._halt_tick == tick
 
     def initialise(self) -> None:
         if self.live:

@@ -60,6 +60,11 @@ class Zone:
             for k, rest in enumerate(to_j):
                 row[k] = min(row[k], add_bounds(way, rest))
 
+    def project(self, keep: Iterable[int]) -> Rows:
+        """Return the bounds on the instants ``keep`` and now; other instants have no effect on them."""
+        chosen = (*keep, self.now)
+        return tuple(tuple(self.bounds[i][j] for j in chosen) for i in chosen)
+
     def advance(self, keep: Mapping[int, float]) -> Rows:
         """Return the zone after an unknown time, with the instants ``keep`` in this order, and the present instant.
 

@@ -26,7 +26,7 @@ from missions.plugins.verify.explore import (
     trace_to,
     trace_to_violation,
 )
-from missions.plugins.verify.model import MissionModel
+from missions.plugins.verify.model import MissionModel, steps_by_key
 from missions.plugins.verify.rule_monitor import EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET, PropertyMonitor
 from missions.plugins.verify.stand_ins import StandIn
 
@@ -39,7 +39,7 @@ class RuleChecker:
     def __init__(self, space: StateSpace, plan: Plan) -> None:
         self._space = space
         self._plan = plan
-        self._steps = dict(_steps_by_key(plan.tree, "1"))
+        self._steps = dict(steps_by_key(plan.tree))
         self._unproved = PROVED if space.is_complete else UNDECIDED
         ticks = "1 tick" if space.explored_depth == 1 else f"{space.explored_depth} ticks"
         self._shallow = f"true of all runs of up to {ticks}" if space.open and space.explored_depth else ""
@@ -249,12 +249,6 @@ def _seconds(step: Step) -> float | None:
     """Return the waiting time of a step in seconds; None if unknown."""
     value = step.arguments.get("value") or step.arguments.get("duration")
     return value.constant if value is not None and isinstance(value.constant, float) else None
-
-
-def _steps_by_key(step: Step, key: str) -> Iterable[tuple[str, Step]]:
-    yield key, step
-    for place, child in enumerate(step.children, start=1):
-        yield from _steps_by_key(child, f"{key}.{place}")
 
 
 def _unwrap_modifiers(step: Step) -> Step:

@@ -1,0 +1,112 @@
+"""Merging of runs within a tick: of several ways to the same situation, only the first is followed to the end.
+
+The choices of a tick are a tree: if a leaf can fail in one of five steps, all that comes next would be explored five
+times. So before a leaf is ticked, the situation is compared with those of earlier runs from the same state.
+
+This is exact, since the rest of a tick is determined by what is compared: the fields of all nodes, the variables, the
+times, the monitors, and the sensors that may be read again. The nodes that are being ticked are the leaf's ancestors.
+The local variables of their methods follow from the place of the leaf and from the fields of nodes, since each node is
+ticked at most once in a tick, and its status is published before the next one is. Scripts are enumerated in lexical
+order, so the run that goes on is the one whose script is reported anyway. A run that breaks a rule is never merged.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from behaviours.node import Node
+from behaviours.run import RunState
+from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.rule_monitor import RuleMonitor
+from missions.plugins.verify.snapshot import Snapshots
+from missions.plugins.verify.symbolic_time import SymbolicClock
+
+if TYPE_CHECKING:
+    from missions.plugins.verify.model import ScopeSnapshots
+    from missions.plugins.verify.stand_ins import StandIn
+
+
+class RunMergedError(Exception):
+    """The run has come to a situation of an earlier run from the same state; nothing new can follow."""
+
+
+class TickMerger:
+    """Finds situations within a tick that an earlier run from the same state has reached.
+
+    ``readers`` are the nodes that read each sensor.
+    """
+
+    def __init__(
+        self,
+        nodes: Sequence[Node],
+        run: RunState,
+        oracle: Oracle,
+        watch: RuleMonitor,
+        timing: SymbolicClock,
+        snapshots: Snapshots,
+        scopes: "ScopeSnapshots",
+        readers: Mapping[str, Sequence[Node]],
+    ) -> None:
+        self._run, self._oracle, self._watch, self._timing = run, oracle, watch, timing
+        self._snapshots, self._scopes, self._readers = snapshots, scopes, readers
+        places = {node: place for place, node in enumerate(nodes)}
+        self._ancestors = {node: frozenset(places[each] for each in _ancestors(node)) for node in nodes}
+        self._ticking = {node: frozenset((node, *_ancestors(node))) for node in nodes}
+        self._seen: set[object] | None = None
+        self._checked = 0
+
+    def start(self) -> None:
+        """Begin to explore a state: forget the situations of others, and merge runs from now on."""
+        self._seen = set()
+
+    def stop(self) -> None:
+        """Follow every run to its end, as in the replay of a trace."""
+        self._seen = None
+
+    def begin_run(self) -> None:
+        """Begin a run from the state."""
+        self._checked = 0
+
+    def visit(self, leaf: "StandIn") -> None:
+        """Compare the situation before a tick of ``leaf``. Raises RunMergedError if an earlier run has reached it."""
+        choices = len(self._oracle.choices)
+        if choices == self._checked or self._seen is None or self._oracle.follows_script or self._watch.violations:
+            return
+        self._checked = choices
+        situation = self._situation(leaf)
+        if situation in self._seen:
+            raise RunMergedError
+        self._seen.add(situation)
+
+    def _situation(self, leaf: "StandIn") -> object:
+        """Return everything that determines the rest of the tick, in hashable form."""
+        ticking, watch = self._ancestors[leaf], self._watch
+        rows, instants = self._snapshots.take(ticking)
+        return (
+            leaf,
+            rows,
+            self._snapshots.marks(ticking),
+            self._snapshots.halted_in(self._run.tick),
+            self._timing.zone.project(instants),
+            self._scopes.changes(),
+            self._relevant_reports(leaf),
+            self._oracle.all_sensors_report,
+            watch.happened,
+            watch.moving,
+            watch.completed_round,
+        )
+
+    def _relevant_reports(self, leaf: "StandIn") -> tuple[tuple[str, bool], ...]:
+        """Return the sensors that were read in this tick and may be read again, by a node whose tick is not over."""
+        ticking, tick = self._ticking[leaf], self._run.tick
+        return tuple(
+            (sensor, reports)
+            for sensor, reports in sorted(self._oracle.reports.items())
+            if any(node.visited_tick != tick or node in ticking for node in self._readers.get(sensor, ()))
+        )
+
+
+def _ancestors(node: Node) -> Iterator[Node]:
+    above = node.parent
+    while isinstance(above, Node):
+        yield above
+        above = above.parent
