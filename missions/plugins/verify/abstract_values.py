@@ -6,7 +6,7 @@ one unknown variable may contradict each other.
 """
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import partial
 from typing import Any, Self
@@ -99,7 +99,10 @@ class TopValue:
 
 
 class NondetSensor:
-    """Part of the robot's state, such as the battery: each flag has any of its possible values at each read."""
+    """Part of the robot's state, such as the battery: each flag has any of its possible values at each read.
+
+    Raises SensorSilent while the part does not report.
+    """
 
     def __init__(self, oracle: Oracle, part: str) -> None:
         self._oracle = oracle
@@ -109,7 +112,32 @@ class NondetSensor:
         value = state_value(self._part, name)
         if value is None or not value.options:
             raise AttributeError(name)
+        if not value.is_always_known:
+            require_report(self._oracle, ROBOT_STATE[self._part].sensor)
         return self._oracle.choose(value.options, partial(_describe_reading, f"{self._part}.{name}"))
+
+
+def require_report(oracle: Oracle, sensor: str) -> None:
+    """Raise SensorSilent if ``sensor`` does not report in this step."""
+    if not oracle.sensor_reports(sensor):
+        raise SensorSilent(f"the {sensor} does not report")
+
+
+class UnknownReadError(Exception):
+    """An expression has come to a value that is not known."""
+
+
+class KnownScope(dict[str, object]):
+    """Variables of which an expression may read only the known ones. Raises UnknownReadError for any other."""
+
+    def __contains__(self, name: object) -> bool:
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> object:
+        found = super().__getitem__(name)
+        if isinstance(found, NondetSensor) or contains_unknown(found):
+            raise UnknownReadError
+        return found
 
 
 def reads_sensor(read: NameReference) -> bool:
@@ -127,19 +155,24 @@ class NondetValue(Value):
     """Value of an expression that is computed if all its variables are known, and otherwise a choice of ``options``.
 
     If ``never_computed``, it is always a choice. ``abstraction`` is applied to a computed value. If ``only_checked``,
-    the value itself does not matter: only an unset variable in the expression has an effect, an error.
+    the value itself does not matter: only an unset variable (an error) and a silent sensor have an effect. If it is
+    evaluated at ``every_tick``, all evaluations in one tick have the same result: a ``while`` makes two when it starts.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
     options: Sequence[object] = (UNKNOWN,)
     never_computed: bool = False
     only_checked: bool = False
+    every_tick: bool = False
     abstraction: Callable[[object], object] = lambda found: found
     needed: frozenset[str] = field(init=False)
     """Variables that the expression certainly reads. Precomputed, since they are used tens of thousands of times."""
     sensed: bool = field(init=False)
     sensors: Sequence[str] = field(init=False)
     """Sensors whose data the expression reads. Whether each sensor reports is a choice of the exploration."""
+    certain_sensors: frozenset[str] = field(init=False)
+    """Sensors that each evaluation reads: none behind ``and``, ``or`` or ``if``."""
+    has_shortcuts: bool = field(init=False)
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -148,30 +181,65 @@ class NondetValue(Value):
         sensed = any(value is None or not value.options for value in values)
         choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
         sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if reads_sensor(read)))
-        found = (("needed", always_read_names(self)), ("sensed", sensed), ("choices", choices), ("sensors", sensors))
-        for name, value in found:
+        found = {
+            "needed": always_read_names(self),
+            "sensed": sensed,
+            "choices": choices,
+            "sensors": sensors,
+            "certain_sensors": frozenset(sensor for tree in _trees(self) for sensor in _certain_sensors(tree)),
+            "has_shortcuts": any(_has_shortcuts(tree) for tree in _trees(self)),
+        }
+        for name, value in found.items():
             object.__setattr__(self, name, value)
 
     def resolve(self, scope: Mapping[str, object]) -> object:
-        if not self.never_computed:
-            self._check_set(scope)
-        for sensor in self.sensors:
-            if not self.oracle.sensor_reports(sensor):
-                raise SensorSilent(f"the {sensor} does not report")
+        if not self.every_tick:
+            return self._resolve(scope)
+        known = self.oracle.conditions
+        if id(self) not in known:
+            try:
+                known[id(self)] = self._resolve(scope), None
+            except ExpressionError as error:
+                known[id(self)] = None, error
+        found, problem = known[id(self)]
+        if problem is not None:
+            raise problem
+        return found
+
+    def _resolve(self, scope: Mapping[str, object]) -> object:
+        if not self.never_computed and not self.only_checked:
+            if not self._reads_unknown(scope):
+                return self.abstraction(Value.resolve(self, scope))
+            if self.has_shortcuts:
+                try:
+                    return self.abstraction(Value.resolve(self, KnownScope(scope)))
+                except UnknownReadError:
+                    pass
+        self._check_readable(scope)
         if self.only_checked:
             return UNKNOWN
-        if not self.never_computed and not self._reads_unknown(scope):
-            return self.abstraction(Value.resolve(self, scope))
         found, failed = self.oracle.choose(self.choices, self._describe_choice)
         if failed:
             raise ExpressionError("cannot be calculated")
         return found
 
-    def _check_set(self, scope: Mapping[str, object]) -> None:
-        """Raise ExpressionError for a required variable that is not set."""
-        for name in self.needed:
-            if name not in scope:
-                raise ExpressionError(f"'{name}' is not set")
+    def _check_readable(self, scope: Mapping[str, object]) -> None:
+        """Raise ExpressionError for a required variable that is not set, or SensorSilent for a silent sensor.
+
+        If both could be first, or a silent sensor might not be read, that is a choice.
+        """
+        unset = "" if self.never_computed else next((name for name in self.needed if name not in scope), "")
+        silent = next((sensor for sensor in self.sensors if self._is_silent(sensor)), "")
+        if silent and (not unset or self.oracle.choose((True, False), _describe_nothing)):
+            raise SensorSilent(f"the {silent} does not report")
+        if unset:
+            raise ExpressionError(f"'{unset}' is not set")
+
+    def _is_silent(self, sensor: str) -> bool:
+        """Return whether the expression reads ``sensor``, and it does not report."""
+        if self.oracle.sensor_reports(sensor):
+            return False
+        return sensor in self.certain_sensors or self.oracle.choose((True, False), _describe_nothing)
 
     def _reads_unknown(self, scope: Mapping[str, object]) -> bool:
         """Return whether the expression reads a variable that is unknown in ``scope``."""
@@ -183,6 +251,37 @@ class NondetValue(Value):
         if failed:
             return f"'{expression_text(self)}' cannot be calculated"
         return "" if found is UNKNOWN else f"'{expression_text(self)}' is {str(found).lower()}"
+
+
+def _describe_nothing(_: bool) -> str:
+    return ""
+
+
+def _trees(value: Value) -> list[ast.expr]:
+    """Return the syntax trees of the expressions in a value."""
+    formula = value.template
+    parts = () if formula is None else (formula,) if isinstance(formula, Expression) else formula.parts
+    return [part.tree for part in parts if isinstance(part, Expression)]
+
+
+def _has_shortcuts(tree: ast.expr) -> bool:
+    """Return whether an evaluation may leave out a part of an expression."""
+    return any(isinstance(node, ast.BoolOp | ast.IfExp) for node in ast.walk(tree))
+
+
+def _certain_sensors(node: ast.expr) -> Iterator[str]:
+    """Yield the sensors that each evaluation of an expression reads."""
+    match node:
+        case ast.Attribute(value=ast.Name(id=part), attr=name) if part in ROBOT_STATE:
+            value = state_value(part, name)
+            if value is None or not value.is_always_known:
+                yield ROBOT_STATE[part].sensor
+        case ast.BoolOp(values=[first, *_]) | ast.IfExp(test=first):
+            yield from _certain_sensors(first)
+        case _:
+            for below in ast.iter_child_nodes(node):
+                if isinstance(below, ast.expr):
+                    yield from _certain_sensors(below)
 
 
 def expression_text(value: Value) -> str:

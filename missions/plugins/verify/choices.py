@@ -27,19 +27,21 @@ class NondetChoice:
 class Oracle:
     """Makes choices from a script, and takes the first option after its end; ``choices`` records them.
 
-    ``reports`` has, for each sensor read in this step, whether it reports; ``all_sensors_report`` is true if all do.
+    ``reports`` has, for each report of a sensor that was read in this step, whether it is there;
+    ``all_sensors_report`` is true if all are. ``conditions`` has the results of conditions in this step, by id.
     """
 
     def __init__(self) -> None:
         self.choices: list[NondetChoice] = []
-        self.reports: dict[str, bool] = {}
+        self.reports: dict[tuple[str, int | None], bool] = {}
         self.all_sensors_report = True
         self._script: Script = ()
+        self.conditions: dict[int, tuple[object, Exception | None]] = {}
 
     def follow(self, script: Script) -> None:
         """Begin a step whose first choices are those of ``script``."""
         self._script = script
-        self.choices, self.reports, self.all_sensors_report = [], {}, True
+        self.choices, self.reports, self.all_sensors_report, self.conditions = [], {}, True, {}
 
     @property
     def follows_script(self) -> bool:
@@ -58,11 +60,16 @@ class Oracle:
         self.choices.append(NondetChoice(len(options), taken, options[taken], describe))
         return options[taken]
 
-    def sensor_reports(self, sensor: str) -> bool:
-        """Return whether a sensor reports in this step: a choice made once per step."""
-        found = self.reports.get(sensor)
+    def sensor_reports(self, sensor: str, report: str = "", since: int | None = None) -> bool:
+        """Return whether a sensor reports in this step: a choice made once per step for each report of the sensor.
+
+        Readers with equal texts in ``report`` read the same report, if they wait for it ``since`` the same instant. The
+        default is the newest report of the sensor as a whole.
+        """
+        key = report or sensor, since
+        found = self.reports.get(key)
         if found is None:
-            found = self.reports[sensor] = self.choose((True, False), partial(_describe_silence, sensor))
+            found = self.reports[key] = self.choose((True, False), partial(_describe_silence, sensor))
             self.all_sensors_report = self.all_sensors_report and found
         return found
 

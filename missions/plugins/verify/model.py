@@ -50,7 +50,7 @@ from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.live_variables import live_while_running
 from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
-from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, stand_in_class, wait_seconds
+from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, report_of, stand_in_class, wait_seconds
 from missions.plugins.verify.symbolic_time import Rows as Times
 from missions.plugins.verify.symbolic_time import SymbolicClock, UnknownTime, extrapolate
 from missions.plugins.verify.tick_merging import TickMerger
@@ -140,7 +140,8 @@ def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
         return _nondet_value(value, oracle, TopValue(oracle))
     if step.kind == "parallel":
         return _nondet_value(value, oracle, *range(1, len(step.children) + 1))
-    return _nondet_value(value, oracle, True, False)
+    every_tick = step.kind in MODIFIERS and MODIFIERS[step.kind].every_tick
+    return replace(_nondet_value(value, oracle, True, False), every_tick=every_tick)
 
 
 def _nondet_value(value: Value, oracle: Oracle, *options: object) -> NondetValue:
@@ -381,7 +382,7 @@ def _differences(scope: Scope, before: Scope, hidden: frozenset[str]) -> object:
 
 
 def sensor_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[str, Sequence[Node]]:
-    """Return the nodes that read each sensor; the steps of ``tree`` must be abstract."""
+    """Return the nodes that read each report of a sensor; the steps of ``tree`` must be abstract."""
     steps = dict(steps_by_key(tree))
     readers: defaultdict[str, list[Node]] = defaultdict(list)
     for node in nodes:
@@ -389,7 +390,7 @@ def sensor_readers(tree: Step, nodes: Sequence[Node]) -> Mapping[str, Sequence[N
         values = (*step.arguments.values(), *step.returns.values())
         sensors = {sensor for value in values if isinstance(value, NondetValue) for sensor in value.sensors}
         if isinstance(node, StandIn) and node.sensor:
-            sensors.add(node.sensor)
+            sensors.add(node.report)
         for sensor in sensors:
             readers[sensor].append(node)
     return readers
@@ -437,6 +438,10 @@ class MissionModel:
             make_monitor(promise, self.nodes) for promise in plan.properties
         )
         reduce_equivalent_runs(self.nodes, self.monitors)
+        steps = dict(steps_by_key(plan.tree))
+        for node in self.nodes:
+            if isinstance(node, StandIn):
+                node.report = report_of(steps[node.key], node.key)
         self.watch.set_leaves([node for node in self.nodes if isinstance(node, StandIn)])
         self.watch.monitors = self.monitors
         self.watch.rounds = frozenset(

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node, Suspension
 from missions.executive.for_each import ForEach
-from missions.executive.modifiers import MAX_RETICK_INTERVAL, RepeatModifier, RetryModifier
+from missions.executive.modifiers import MAX_RETICK_INTERVAL, OnceModifier, RepeatModifier, RetryModifier
 from missions.executive.parallel import Parallel
 from missions.executive.parent import Modifier
 from missions.plugins.verify.abstract_values import PLAIN_TYPES, UnboundedCount
@@ -221,8 +221,9 @@ def _row_value(value: object, node: Node, name: str, instants: dict[int, float])
             return UNKNOWN_INSTANT
         instants[value.place] = max(instants.get(value.place, 0.0), wait + value.offset)
         return ZoneInstant(list(instants).index(value.place), value.offset)
-    if isinstance(value, str):
-        return ""  # a text without effect
+    if isinstance(node, OnceModifier) and isinstance(value, tuple):
+        status, _, setting = value  # the reason between them has no effect
+        return status, "", setting
     if isinstance(value, Suspension):
         return replace(value, reason="")
     if isinstance(value, tuple):

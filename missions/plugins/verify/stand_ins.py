@@ -2,8 +2,9 @@
 
 import ast
 import inspect
+import sys
 import textwrap
-from types import FunctionType
+from types import CodeType, FunctionType
 from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 from py_trees.common import Status
@@ -14,6 +15,7 @@ from missions.language.plan import Step
 from missions.plugins.verify.abstract_values import UNKNOWN
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.rule_monitor import RuleMonitor
+from missions.plugins.verify.symbolic_time import Instant
 
 if TYPE_CHECKING:
     from missions.plugins.verify.tick_merging import TickMerger
@@ -43,7 +45,7 @@ class StandIn(Leaf):
 
     If ``merges_ends``, it never fails, since failure would have the same effect as success. With a ``leader``, another
     stand-in, it runs while the leader runs and ends in the same tick (see missions.plugins.verify.model). ``merger``
-    is called before each tick.
+    is called before each tick. ``report`` is the report of the leaf's sensor that it reads; others may read the same.
     """
 
     run_state: ClassVar[tuple[str, ...]] = ("live",)
@@ -52,12 +54,14 @@ class StandIn(Leaf):
     watch: ClassVar[RuleMonitor]
     outcomes: ClassVar[tuple[TickOutcome, ...]]
     sensor: ClassVar[str]
+    needs_new_report: ClassVar[bool]
     lingers: ClassVar[bool]
     never_rests: ClassVar[bool]
     stops: ClassVar[bool]
     live = False
     merges_ends = False
     leader: "StandIn | None" = None
+    report = ""
     merger: "TickMerger | None" = None
 
     def on_tick(self) -> Status:
@@ -77,7 +81,8 @@ class StandIn(Leaf):
 
     def update(self) -> Status:
         """Return one of the outcomes, by choice; suspended while the leaf's sensor does not report."""
-        if self.sensor and not self.oracle.sensor_reports(self.sensor):
+        if self.sensor and not self.oracle.sensor_reports(self.sensor, self.report, self._waiting_since()):
+            self.result = None
             return self.suspend(self.sensor)
         known = self.output_variable is not None and self.scope.get(self.output_variable) is UNKNOWN
         possible = [outcome for outcome in self.outcomes if not known or outcome != EARLY_RESULT]
@@ -89,6 +94,14 @@ class StandIn(Leaf):
         status, found = self.oracle.choose(possible, self._describe_outcome)
         self.result = UNKNOWN if found and self.output_variable is not None else None
         return status
+
+    def _waiting_since(self) -> int | None:
+        """Return the instant of the start if the report must be newer; None if it starts now, or needs no such report.
+
+        A condition with such a report starts when it is suspended.
+        """
+        since = self._silent_since
+        return since.place if self.needs_new_report and isinstance(since, Instant) else None
 
     def terminate(self, new_status: Status) -> None:
         """Report that the leaf has stopped, if the real leaf stops its parts."""
@@ -126,9 +139,19 @@ class SetStandIn(StandIn):
 
 
 class ConditionStandIn(StandIn):
-    """Stand-in for a leaf that evaluates a condition; its class has the ``update`` of the real leaf."""
+    """Stand-in for a leaf that evaluates a condition, and has ``status_if_false`` if that is false.
+
+    It gives no reasons: the values in a reason would be choices without an effect.
+    """
 
     condition: Condition
+    status_if_false: ClassVar[Status]
+
+    def update(self) -> Status:
+        try:
+            return SUCCESS if self.condition.is_true() else self.status_if_false
+        except ValueError as error:
+            return self.fail(f"{self.label}: {error}")
 
 
 class WaitStandIn(StandIn):
@@ -174,7 +197,7 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
     seconds = wait_seconds(step)
     kind = SetStandIn if issubclass(real, Set) else StandIn if seconds is None else WaitStandIn
     if issubclass(real, Check | WaitUntil):
-        kind, declared = ConditionStandIn, declared | {"update": real.update}
+        kind, declared["status_if_false"] = ConditionStandIn, FAILURE if issubclass(real, Check) else RUNNING
     return type(
         f"{real.__name__}StandIn",
         (kind,),
@@ -186,6 +209,7 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
             "watch": watch,
             "outcomes": outcomes(step),
             "sensor": sensor_of(real),
+            "needs_new_report": _uses(real, START_TIMES),
             "never_rests": always_returns_true(real.halting),
             "lingers": real.halting is not Leaf.halting,
             "stops": not real.drives or real.terminate is Leaf.terminate or not does_nothing(real.terminate),
@@ -210,9 +234,75 @@ def outcomes(step: Step) -> tuple[TickOutcome, ...]:
 
 
 def sensor_of(leaf: type[Leaf]) -> str:
-    """Return the sensor of a condition, as named in messages; empty for any other leaf."""
-    part = min(leaf.needs, default="") if leaf.instant and not leaf.drives else ""
-    return SENSOR_NAMES.get(part, part)
+    """Return the sensor whose silence can suspend a leaf, as named in messages; empty for a leaf without."""
+    part = min(leaf.needs, default="")
+    if leaf.instant and part and not leaf.drives:
+        return SENSOR_NAMES.get(part, part)
+    return (SENSOR_NAMES.get(part, part) or "sensor") if _uses(leaf, SILENCES) else ""
+
+
+SHARED_SENSORS = frozenset({"base", "range"})
+"""Parts with one newest report for all conditions and expressions: in a tick, all of them have it, or none has."""
+
+
+def report_of(step: Step, key: str) -> str:
+    """Return the report of its sensor that a step's leaf reads; equal texts mean the same report.
+
+    Pictures and phrases may be too old for one condition and not for another, and each topic and joint has reports of
+    its own. So conditions share a report only if they have equal arguments. Leaves from elsewhere share none; ``key``
+    is that of the step's node.
+    """
+    leaf = step.leaf or Leaf
+    is_ours = leaf.__module__.partition(".")[0] == "behaviours" and leaf.instant
+    if is_ours and min(leaf.needs, default="") in SHARED_SENSORS:
+        return sensor_of(leaf)
+    constant = all(value.template is None for value in step.arguments.values())
+    if not is_ours or not constant:
+        return key
+    arguments = sorted((name, repr(value.constant)) for name, value in step.arguments.items())
+    return f"{leaf.tag} {arguments}"
+
+
+SILENCES = frozenset({"suspend", "SensorSilent"})
+"""Names in the code of a leaf that can be suspended."""
+
+START_TIMES = frozenset({"elapsed", "started_at"})
+"""Names in the code of a leaf that may need a report newer than its start."""
+
+
+def _uses(leaf: type[Leaf], names: frozenset[str]) -> bool:
+    """Return whether a start or a tick of a leaf, or of the py_trees behaviour in it, may come to one of ``names``.
+
+    Methods of the class and functions of its modules are followed by their names.
+    """
+    made = getattr(leaf, "make", None)
+    classes = [base for base in leaf.__mro__ if not issubclass(Leaf, base)]
+    classes += made.__mro__ if isinstance(made, type) else ()
+    waiting = [code for base in classes for name in ENTRIES if (code := _code(vars(base).get(name)))]
+    found: set[str] = set()
+    while waiting:
+        code = waiting.pop()
+        new = _names_in(code) - found
+        found |= new
+        spaces = [vars(base) for base in classes] + [vars(sys.modules[base.__module__]) for base in classes]
+        waiting += [below for space in spaces for name in new if (below := _code(space.get(name)))]
+    return bool(names & found)
+
+
+ENTRIES = ("initialise", "update", "tick")
+"""Methods with which a tick of a leaf or of a py_trees behaviour begins."""
+
+
+def _code(found: object) -> CodeType | None:
+    """Return the code of a method, a property or a function; None for anything else."""
+    function = found.fget if isinstance(found, property) else getattr(found, "__func__", found)
+    return function.__code__ if isinstance(function, FunctionType) else None
+
+
+def _names_in(code: CodeType) -> set[str]:
+    """Return the global names and attributes that a function uses, with those of the functions in it."""
+    inner = (each for each in code.co_consts if isinstance(each, CodeType))
+    return set(code.co_names).union(*map(_names_in, inner))
 
 
 def _statuses_in(value: object) -> list[Status]:

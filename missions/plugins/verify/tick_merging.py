@@ -3,11 +3,13 @@
 The choices of a tick are a tree: if a leaf can fail in one of five steps, all that comes next would be explored five
 times. So before a leaf is ticked, the situation is compared with those of earlier runs from the same state.
 
-This is exact, since the rest of a tick is determined by what is compared: the fields of all nodes, the variables, the
-times, the monitors, and the sensors that may be read again. The nodes that are being ticked are the leaf's ancestors.
-The local variables of their methods follow from the place of the leaf and from the fields of nodes, since each node is
-ticked at most once in a tick, and its status is published before the next one is. Scripts are enumerated in lexical
-order, so the run that goes on is the one whose script is reported anyway. A run that breaks a rule is never merged.
+This is exact, since the following decide the rest of a tick, and all of them are compared: the fields of all nodes, the
+variables, the times, the monitors, and the sensors that may be read again. The nodes that are being ticked are the
+ancestors of the leaf. The local variables of their methods follow from the place of the leaf and from the fields of
+nodes, since each node is ticked at most once in a tick, and its status is published before the next one is ticked.
+
+Scripts are enumerated in lexical order, so the run that goes on is the one whose script is reported anyway. A run that
+breaks a rule is never merged.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -32,7 +34,7 @@ class RunMergedError(Exception):
 class TickMerger:
     """Finds situations within a tick that an earlier run from the same state has reached.
 
-    ``readers`` are the nodes that read each sensor.
+    ``readers`` are the nodes that read each report of a sensor.
     """
 
     def __init__(
@@ -95,13 +97,13 @@ class TickMerger:
             watch.completed_round,
         )
 
-    def _relevant_reports(self, leaf: "StandIn") -> tuple[tuple[str, bool], ...]:
-        """Return the sensors that were read in this tick and may be read again, by a node whose tick is not over."""
+    def _relevant_reports(self, leaf: "StandIn") -> frozenset[object]:
+        """Return the reports that were read in this tick and may be read again, by a node whose tick is not over."""
         ticking, tick = self._ticking[leaf], self._run.tick
-        return tuple(
-            (sensor, reports)
-            for sensor, reports in sorted(self._oracle.reports.items())
-            if any(node.visited_tick != tick or node in ticking for node in self._readers.get(sensor, ()))
+        return frozenset(
+            (key, reports)
+            for key, reports in self._oracle.reports.items()
+            if any(node.visited_tick != tick or node in ticking for node in self._readers[key[0]])
         )
 
 
