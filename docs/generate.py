@@ -38,7 +38,7 @@ from missions.control.messages import ERRORS, MESSAGES
 from missions.language import expressions, operators
 from missions.language.check_context import MAX_DEPTH, MAX_STEPS
 from missions.language.modifiers import MAX_HALT_LIMIT
-from missions.language.nodes import COMPOSITES, MODIFIER_KEYS, MODIFIERS
+from missions.language.nodes import COMPOSITES, MODIFIER_KEYS, MODIFIERS, ORDER_KEYS
 from missions.language.operators import FUNCTIONS
 from missions.language.parallel_counts import COUNTS
 from missions.language.param_types import PARAM_TYPES
@@ -98,6 +98,12 @@ def mission_limits() -> str:
         ("the power of a unit, such as 2 of `m^2`", f"{MAX_POWER}"),
     )
     return markdown_table(("limit", "value"), rows)
+
+
+def orders() -> str:
+    """Return the table of the keys that set the order of a selector's children."""
+    rows = ((markdown_code(word), f"`{owner}`", takes, text) for word, (owner, takes, text) in ORDER_KEYS.items())
+    return markdown_table(("word", "beside", "takes", "what it does"), rows)
 
 
 def units() -> str:
@@ -270,6 +276,7 @@ def _describe_members(kind: type, leave: Sequence[str] = ()) -> str:
 TABLES: Mapping[str, Callable[[], str]] = {
     "composites": composites,
     "counts": counts,
+    "orders": orders,
     "modifiers": modifiers,
     "mission_limits": mission_limits,
     "units": units,

@@ -12,7 +12,7 @@ from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.cli.console import console, echo
 from missions.cli.options import folder_behaviour_files
-from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIER_KEYS, MODIFIERS, OTHER_PARENTS
+from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHER_PARENTS, OWNED_KEYS
 from missions.language.parallel_counts import COUNTS
 from missions.language.steps import BESIDE_KEYS
 from missions.language.synonyms import unknown_word_hint
@@ -57,7 +57,7 @@ def is_word(name: str, files: Sequence[Path]) -> bool:
 def word_help() -> Mapping[str, str]:
     """Return the help of each composite and modifier, by its word in missions."""
     modifier_texts = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
-    modifier_texts |= {word: f"{text} (takes {takes})" for word, (_, takes, text) in MODIFIER_KEYS.items()}
+    modifier_texts |= {word: f"{text} (takes {takes})" for word, (_, takes, text) in OWNED_KEYS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
     return {word: kind.help for word, kind in BRANCHES.items()} | modifier_texts | modifiers
 
@@ -71,8 +71,8 @@ def _list(leaves: Mapping[str, type[Leaf]]) -> None:
         ("Keys beside a parallel", {word: (f"{text} ({takes})", "") for word, (takes, text) in COUNTS.items()}),
         ("Modifiers, beside a behaviour", {word: (f"{m.help} ({m.takes})", "") for word, m in MODIFIERS.items()}),
         (
-            "Keys beside a modifier",
-            {word: (f"beside {only}: {text} ({takes})", "") for word, (only, takes, text) in MODIFIER_KEYS.items()},
+            "Keys beside a modifier or a selector",
+            {word: (f"beside {only}: {text} ({takes})", "") for word, (only, takes, text) in OWNED_KEYS.items()},
         ),
     ):
         table = Table("", "", "claims" if title == "Behaviours" else "", title=title, title_justify="left", box=None)

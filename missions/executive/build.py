@@ -10,7 +10,7 @@ from behaviours.robot import Robot
 from behaviours.run import RunState
 from config.diagnostics import Diagnostic, InvalidFileError
 from config.units import UNITS
-from missions.executive.composites import COMPOSITES
+from missions.executive.composites import COMPOSITES, InTurnSelector
 from missions.executive.for_each import SWITCHES, ForEach
 from missions.executive.modifiers import MODIFIERS, WaitFor
 from missions.executive.parent import Parent
@@ -19,8 +19,16 @@ from missions.executive.submission import Submission
 from missions.language.arguments import CONDITION_KIND
 from missions.language.expressions import Value, as_quantity, reads_failure
 from missions.language.kinds import kind_of_type
-from missions.language.nodes import FAILURE_NAME, FINALLY, FOR_EACH, MISSION, WAIT_FOR, provides_failure
-from missions.language.plan import Plan, Step
+from missions.language.nodes import (
+    FAILURE_NAME,
+    FINALLY,
+    FOR_EACH,
+    IN_TURN_SELECTOR,
+    MISSION,
+    WAIT_FOR,
+    provides_failure,
+)
+from missions.language.plan import Plan, Step, composite_kind
 
 RobotFor = Callable[[Node], Robot]
 """Function that returns the robot for a leaf; commands given through it are reported with the leaf's name."""
@@ -124,7 +132,8 @@ class TreeBuilder:
                 hint = f"{leaf.stub}, or mock it in a test: given: [{step.kind}: succeeds]"
                 self.stub_faults.append(Diagnostic(step.source, step.mark, message, hint))
             return _set_arguments(leaf, step, inner)
-        return NODES[step.kind].from_step(step, children, inner)
+        kind = InTurnSelector if composite_kind(step) is IN_TURN_SELECTOR else NODES[step.kind]
+        return kind.from_step(step, children, inner)
 
 
 def _set_arguments(leaf: Leaf, step: Step, scope: Scope) -> Leaf:

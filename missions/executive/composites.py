@@ -1,15 +1,21 @@
 """Composites of the mission language, as py_trees composites that halt the running child before another starts."""
 
+from collections import abc
 from collections.abc import Mapping
-from typing import ClassVar
+from random import Random
+from typing import Any, ClassVar, Self
 
 from py_trees import composites
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
-from behaviours.node import Node, Suspension, sensor_timeout_reason
+from behaviours.node import Node, Suspension, reset_all, sensor_timeout_reason
 from missions.executive.parallel import Parallel, Race
 from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite, last_unskipped
+from missions.language.child_order import Weights
+from missions.language.expressions import ExpressionError, Value
+from missions.language.nodes import WEIGHTS
+from missions.language.plan import Step
 
 # Reactive composites: they tick their children from the first at every tick.
 
@@ -259,6 +265,25 @@ class Selector(OrderedComposite, composites.Selector):
         composites.Selector.__init__(self, name, memory=True)
 
 
+class InTurnSelector(Selector):
+    """Selector that starts with the child after the one that ran last, until the end of the run."""
+
+    lasting_state = ("_first",)
+    _first = 0  # index of the child to start with
+
+    def begin(self) -> None:
+        super().begin()
+        self.order = self.members[self._first :] + self.members[: self._first]
+
+    def on_running(self) -> Status:
+        status = super().on_running()
+        ticked = self.order[: self._index + 1]
+        last = next((child for child in reversed(ticked) if not child.is_skipped), None)
+        if last is not None:
+            self._first = (self.members.index(last) + 1) % len(self.members)
+        return status
+
+
 class RandomOrderComposite(OrderedComposite):
     """Ticks its children one after another, in an order that is drawn at each start with the seed of the run."""
 
@@ -282,9 +307,42 @@ class RandomSelector(RandomOrderComposite, composites.Selector):
     """Selector in a random order, drawn at each start."""
 
     passes: ClassVar[Status] = FAILURE
+    weights: Value | None = None
 
     def __init__(self, name: str) -> None:
         composites.Selector.__init__(self, name, memory=True)
+
+    @classmethod
+    def from_step(cls, step: Step, children: abc.Sequence[Node], inner: dict[str, object]) -> Self:
+        selector = super().from_step(step, children, inner)
+        selector.weights = step.arguments.get(WEIGHTS)
+        return selector
+
+    def on_start(self) -> str:
+        if self.weights is None:
+            return super().on_start()
+        try:
+            weights: Any = self.weights.resolve(self.scope)
+        except (ExpressionError, ValueError) as error:
+            return f"{WEIGHTS}: {error}"
+        reset_all(self.members)
+        OrderedComposite.begin(self)
+        self.order = _draw_order(self.run.random, self.members, weights)
+        return ""
+
+
+def _draw_order(random: Random, members: tuple[Node, ...], weights: Weights) -> tuple[Node, ...]:
+    """Return the members in a random order: each draw takes one of the others, by its weight among theirs.
+
+    So a member that is skipped leaves its chance to the others in proportion. Members with the weight 0 are left out.
+    """
+    rest = {member: weight for member, weight in zip(members, weights, strict=True) if weight}
+    order = []
+    while rest:
+        (member,) = random.choices(list(rest), list(rest.values()))
+        order.append(member)
+        del rest[member]
+    return tuple(order)
 
 
 COMPOSITES: Mapping[str, type[Composite]] = {

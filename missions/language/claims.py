@@ -18,9 +18,9 @@ from config.units import with_article
 from drivers.api.kinds import CAPABILITIES, KINDS
 from missions.language.check_context import CheckContext, Lookup
 from missions.language.expressions import Value
-from missions.language.nodes import AT_ONCE, CLEANUP_CLAIMS, COMPOSITES, FAILURE, FINALLY, MODIFIERS
+from missions.language.nodes import AT_ONCE, CLEANUP_CLAIMS, FAILURE, FINALLY, MODIFIERS
 from missions.language.parallel_counts import decide_parallel
-from missions.language.plan import Step
+from missions.language.plan import Step, composite_kind
 
 
 def no_words(texts: Sequence[str]) -> tuple[()]:
@@ -186,7 +186,7 @@ def _first_leaves(step: Step) -> Iterator[Step]:
             return
         for child in step.children if step.kind in AT_ONCE else step.children[:1]:
             yield from _first_leaves(child)
-    elif step.kind in COMPOSITES and COMPOSITES[step.kind].order == "in order":
+    elif (kind := composite_kind(step)) is not None and kind.order == "in order":
         yield from _first_leaves(step.children[0])
 
 

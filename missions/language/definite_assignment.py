@@ -31,7 +31,7 @@ from missions.language.nodes import (
 )
 from missions.language.outcomes import early_ends
 from missions.language.outcomes import possible_ends as ends_of
-from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
+from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step, composite_kind
 from missions.language.read_analysis import always_read_names, may_fail, nonzero_variables
 
 # Sets of variables that may be unset at a place of the tree, each with the events that lead to it.
@@ -196,10 +196,11 @@ class _UnsetAnalysis:
             return after._replace(failure=None)
         if step.kind in MODIFIERS or step.kind == UNREAD_KIND:
             return self._follow_modifier(step, unset, here)
-        kind = COMPOSITES[step.kind]
-        if kind.order == "in order":
-            return self.follow_in_order(step, unset, here, passes=kind.passes)
-        return self.follow_at_once(step, unset, here, all_succeed=kind.passes == SUCCESS)
+        kind = composite_kind(step)
+        passes = "" if kind is None else kind.passes
+        if kind is not None and kind.order == "in order":
+            return self.follow_in_order(step, unset, here, passes=passes)
+        return self.follow_at_once(step, unset, here, all_succeed=passes == SUCCESS)
 
     def _bits_of(self, names: Iterable[str]) -> int:
         """Return an integer in which the bits of the variables ``names`` are set.
@@ -435,7 +436,7 @@ def catches_failure(step: Step, child: Step) -> bool:
         return FAILURE not in MODIFIERS[step.kind].failure
     if step.kind == WAIT_FOR:
         return True
-    kind = COMPOSITES.get(step.kind)
+    kind = composite_kind(step)
     if kind is None:
         return False
     if kind.passes == FAILURE:

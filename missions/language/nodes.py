@@ -147,6 +147,29 @@ COMPOSITES: Mapping[str, CompositeKind] = {
 }
 """Composites with a list of children."""
 
+IN_TURN, WEIGHTS = "in_turn", "weights"
+"""Keys beside a selector that set the order of its children."""
+
+IN_TURN_SELECTOR = CompositeKind(
+    "a selector that starts with the child after the one that ran last",
+    "?⇢",
+    "its turn never comes",
+    order="in any order",
+    passes=FAILURE,
+)
+"""Kind of a ``selector`` with ``in_turn``."""
+
+
+ORDER_KEYS: Mapping[str, tuple[str, str, str]] = {
+    IN_TURN: ("selector", "true", "starts with the child after the one that ran last, in this run"),
+    WEIGHTS: (
+        "random_selector",
+        "a list of numbers",
+        "a number for each child: its chance to be drawn before the others; 0 for never",
+    ),
+}
+"""Keys that set the order of a selector's children: the composite beside which each stands, its form, its meaning."""
+
 AT_ONCE = frozenset(word for word, kind in COMPOSITES.items() if kind.at_once)
 """Composites whose children run at the same time."""
 
@@ -342,6 +365,10 @@ MODIFIER_KEYS: Mapping[str, tuple[str, str, str]] = {
 
 FAILURE_NAME = "failure"
 """Name by which an expression reads the reason of the last failure around it."""
+
+
+OWNED_KEYS: Mapping[str, tuple[str, str, str]] = {**MODIFIER_KEYS, **ORDER_KEYS}
+"""Keys that stand beside one kind of node only, of which they change a setting."""
 
 
 def provides_failure(kind: str, place: int) -> bool:

@@ -25,7 +25,7 @@ from missions.language.nodes import (
     Ends,
 )
 from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel
-from missions.language.plan import UNREAD_KIND, Step
+from missions.language.plan import UNREAD_KIND, Step, composite_kind
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
@@ -33,7 +33,7 @@ VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 def check_outcomes(context: CheckContext, tree: Step) -> None:
     """Report steps that are never reached, and modifiers without effect."""
     for step in tree.walk():
-        kind = COMPOSITES.get(step.kind)
+        kind = composite_kind(step)
         if kind is not None and kind.order == "in order":
             _check_unreached(context, step, kind.passes)
         elif step.kind == "parallel":

@@ -41,6 +41,7 @@ from missions.language.nodes import (
     MISSION,
     MODIFIER_KEYS,
     MODIFIERS,
+    ORDER_KEYS,
     RECOVER,
     SWITCHES,
     WAIT_FOR,
@@ -341,7 +342,7 @@ def _read_choices(context: CheckContext, label: str, beside: Mapping, kind: str 
 
 # Variables that a mission sets: read before its steps, since an expression may be above the step that sets it.
 
-KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *MODIFIER_KEYS, *COUNTS, "name", "with"}
+KNOWN_WORDS = {*BRANCHES, *MODIFIERS, *MODIFIER_KEYS, *COUNTS, *ORDER_KEYS, "name", "with"}
 """Words that a node can contain, in addition to ``as`` and leaves: composites, modifiers, counts, name, with."""
 
 BRANCHES_WITH_KEYS = {*SWITCHES, FOR_EACH}

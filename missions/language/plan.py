@@ -8,7 +8,7 @@ from behaviours.leaf import Leaf
 from config.diagnostics import Mark, SourceText
 from drivers.api.fast_dataclass import dataclass
 from missions.language.expressions import NameReference, Value, reads_failure
-from missions.language.nodes import MISSION
+from missions.language.nodes import COMPOSITES, IN_TURN, IN_TURN_SELECTOR, MISSION, CompositeKind
 from missions.language.robot_state import ROBOT_STATE, state_value
 
 
@@ -133,6 +133,12 @@ class PlaceholderLeaf(Leaf):
 
     ``binds`` of its step are the variables that the unread node may set.
     """
+
+
+def composite_kind(step: Step) -> CompositeKind | None:
+    """Return the kind of a composite with a list of children, given the keys beside it; None for other steps."""
+    kind = COMPOSITES.get(step.kind)
+    return IN_TURN_SELECTOR if kind is not None and IN_TURN in step.arguments else kind
 
 
 UNREAD_KIND = ""

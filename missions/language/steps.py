@@ -14,6 +14,7 @@ from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose, read_sour
 from drivers.api.kinds import REPEATABLE_KINDS
 from missions.language.arguments import read_arguments
 from missions.language.check_context import MAX_DEPTH, MAX_STEPS, CheckContext
+from missions.language.child_order import read_order
 from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import read_for_each
 from missions.language.mission_body import read_body, read_returns
@@ -27,6 +28,7 @@ from missions.language.nodes import (
     MISSION,
     MODIFIER_KEYS,
     MODIFIERS,
+    ORDER_KEYS,
     RECOVER,
     RETRY,
     SWITCHES,
@@ -204,10 +206,15 @@ def _read_submission_params(
     return values
 
 
-BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS, *MODIFIER_KEYS)
+BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS, *MODIFIER_KEYS, *ORDER_KEYS)
 """Keys that can stand beside a behaviour and are not modifiers."""
 
-OWNER_OF_KEY = {"with": MISSION, "returns": MISSION, **dict.fromkeys(COUNTS, "parallel")}
+OWNER_OF_KEY = {
+    "with": MISSION,
+    "returns": MISSION,
+    **dict.fromkeys(COUNTS, "parallel"),
+    **{word: owner for word, (owner, _, _) in ORDER_KEYS.items()},
+}
 """Keys that can stand beside one kind of behaviour only, each with the word of that behaviour."""
 
 LIST_HINT = "`mission list behaviours` lists all; put your own into behaviours/NAME.py beside the mission"
@@ -391,11 +398,10 @@ def _read_by_kind(
     if key.text == WAIT_FOR:
         return _read_wait_for(context, key, value, shown)
     children = _read_children(context, key, value)
-    if key.text != "parallel":
-        return Step(key.text, shown, key.mark, context.source, children)
-    counts = read_counts(context, beside, len(value.items) if isinstance(value, Listing) else 0)
-    written = {word: text for word, text in entries_as_written(beside).items() if word in COUNTS}
-    return Step(key.text, shown, key.mark, context.source, children, arguments=counts, arguments_as_written=written)
+    count = len(value.items) if isinstance(value, Listing) else 0
+    settings = (read_counts if key.text == "parallel" else read_order)(context, beside, count)
+    written = {word: text for word, text in entries_as_written(beside).items() if word in settings}
+    return Step(key.text, shown, key.mark, context.source, children, arguments=settings, arguments_as_written=written)
 
 
 def _read_wait_for(context: CheckContext, key: Scalar, value: Node | None, shown: str) -> Step | None:

@@ -114,6 +114,9 @@ PHRASE_SYNONYMS: Mapping[str, str] = {
     "{selector: [BEHAVIOUR, OTHERWISE]}": "try rescue except catch",
     "{selector: [BEHAVIOUR, {sequence: [OTHERWISE, fail]}]}": "try_catch",
     "{selector: [BEHAVIOUR, {sequence: [RECOVERY, BEHAVIOUR]}]}": "recovery recovery_node",
+    "{selector: [BEHAVIOUR, BEHAVIOUR], in_turn: true}": "round_robin round_robin_node",
+    "{random_selector: [BEHAVIOUR, BEHAVIOUR], weights: [2, 1]}": "probability_selector weighted_selector "
+    "weighted_random_selector weighted_choice",
     'set: {LIST: "${LIST + [ITEM]}"}': "append add_to_list push_back list_append",
     "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",
 }
@@ -131,8 +134,8 @@ EXPLAINED_SYNONYMS: Mapping[str, str] = {
 
 UNMATCHED_WORDS = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
-    "speed_controller pipeline_sequence round_robin simple_parallel do_while do_until repeat_until until_fail "
-    "until_failure probability_selector weighted_selector manual_selector status_to_blackboard "
+    "speed_controller pipeline_sequence simple_parallel do_while do_until repeat_until until_fail "
+    "until_failure manual_selector status_to_blackboard "
     "max_failures single_trigger pick_up_where_you_left_off"
 )
 """Words of other systems without an equivalent; the docs page lists the nearest form and the differences."""

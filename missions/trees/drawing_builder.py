@@ -6,8 +6,8 @@ from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
 
-from missions.language.nodes import BRANCHES, MISSION, MODIFIERS, RECOVER, RETRY, SWITCHES
-from missions.language.plan import Plan, Step
+from missions.language.nodes import BRANCHES, IN_TURN, IN_TURN_SELECTOR, MISSION, MODIFIERS, RECOVER, RETRY, SWITCHES
+from missions.language.plan import Plan, Step, composite_kind
 from missions.trees.drawing import Badge, NodeState, TreeBox, TreeDrawing
 
 CONDITION_SYMBOL, ACTION_SYMBOL = "◇", "■"
@@ -18,7 +18,7 @@ def symbol_of(step: Step) -> str:
     """Return the character that pictures of trees show for the kind of a step; the step must not be a modifier."""
     leaf = step.leaf
     if leaf is None:
-        return BRANCHES[step.kind].symbol
+        return (composite_kind(step) or BRANCHES[step.kind]).symbol
     return CONDITION_SYMBOL if leaf.instant and leaf.needs and not leaf.drives else ACTION_SYMBOL
 
 
@@ -26,6 +26,7 @@ def legend() -> tuple[tuple[str, str, str], ...]:
     """Return each symbol with its kind of node and a description."""
     return (
         *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
+        (IN_TURN_SELECTOR.symbol, f"selector, {IN_TURN}", IN_TURN_SELECTOR.help),
         (CONDITION_SYMBOL, "condition", "checks a part of the robot within one tick"),
         (ACTION_SYMBOL, "action", "does something"),
     )

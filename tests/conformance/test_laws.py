@@ -80,7 +80,15 @@ def composed(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
     each = st.fixed_dictionaries({"in": st.just([1, 2]), "as": st.just("m"), "do": children})
     loops = st.dictionaries(st.just(FOR_EACH), each, min_size=1, max_size=1)
     waits = st.dictionaries(st.just(WAIT_FOR), children, min_size=1, max_size=1)
-    return (lists | counted | chosen(children) | loops | waits).flatmap(modified)
+    return (lists | counted | ordered(children) | chosen(children) | loops | waits).flatmap(modified)
+
+
+def ordered(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
+    """Draw a selector with another order of its children."""
+    pairs = st.lists(children, min_size=2, max_size=2)
+    in_turn = st.fixed_dictionaries({"selector": pairs, "in_turn": st.just(True)})
+    weights = st.sampled_from([[1, 2], [0, 1], [0.2, 0.8]])
+    return in_turn | st.fixed_dictionaries({"random_selector": pairs, "weights": weights})
 
 
 def chosen(children: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:

@@ -118,6 +118,11 @@ GOOD = [
     ["- for_each: {in: [a, b c], as: place, number: k, do: {say: '${place}'}}"],
     ["- for_each: {in: '[n, 3]', as: place, do: stop}", "  repeat: 2"],
     ["- mission: greet", "  with: {patience: 5 s, greeting: Good day}"],
+    ["- for_each: {in: [{x: 1 m, to: a}, {x: 2 m, to: b}], as: p, do: {drive: '${p.x}'}}"],
+    ["- selector: [stop, {say: Hi}]", "  in_turn: true"],
+    ["- random_selector: [stop, {say: Hi}]", "  weights: [2, 0.5]"],
+    ["- random_selector: [stop, {say: Hi}]", "  weights: [20 %, 80 %]"],
+    ["- random_selector: [stop, {say: Hi}]", "  weights: '${[n, x]}'"],
 ]
 
 
@@ -141,6 +146,12 @@ BROKEN = [
     ["- say: Hi", "  drive: 1 m"],
     ["- drive: 1 m", "  sequence: [stop]"],
     ["- sequence: []"],
+    ["- selector: [stop]", "  in_turn: yes"],
+    ["- sequence: [stop]", "  in_turn: true"],
+    ["- random_selector: [stop]", "  weights: 3"],
+    ["- random_selector: [stop]", "  weights: [-1]"],
+    ["- selector: [stop]", "  weights: [1]"],
+    ["- for_each: {in: [{x: [1]}], as: p, do: stop}"],
     ["- race:"],
     ["- parallel"],
     ["- selector: {say: Hi}"],

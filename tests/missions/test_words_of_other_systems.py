@@ -580,7 +580,7 @@ def test_a_loop_of_other_languages_is_no_guard(word: str) -> None:
 
 NOTHING = (
     "undocked not_bumped face_not_seen no_face_seen joint_unloaded until_not_seen reactive_race any_success "
-    "all_success weighted_choice tag_cooldown simple_race random_parallel guard_selector monitor abort rate hz "
+    "all_success tag_cooldown simple_race random_parallel guard_selector monitor abort rate hz "
     "emergency_stop every memory policy StateMachine Iterator Count PassThrough LoopInt SkipUnlessUpdated"
 )
 

@@ -8,9 +8,9 @@ from missions.language.nodes import (
     COMPOSITES,
     FOR_EACH,
     MISSION,
-    MODIFIER_KEYS,
     MODIFIERS,
     OTHER_PARENTS,
+    OWNED_KEYS,
     SWITCHES,
     WAIT_FOR,
 )
@@ -73,7 +73,7 @@ def _node(leaves: Mapping[str, type[Leaf]], words: Sequence[str]) -> Schema:
                 **_forbid_second_behaviour(words),
                 "as": _require_one_of(storing, f"'as' stands beside what finds something out: {', '.join(storing)}"),
                 **{word: [only] for word, only in OWNER_OF_KEY.items()},
-                **{word: [modifier] for word, (modifier, _, _) in MODIFIER_KEYS.items()},
+                **{word: [owner] for word, (owner, _, _) in OWNED_KEYS.items()},
             },
         },
         "else": {
@@ -162,7 +162,7 @@ def _beside_schemas() -> dict[str, Schema]:
         },
         "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
         **{word: _setting_schema(takes, text) for word, (takes, text) in COUNTS.items()},
-        **{word: _setting_schema(takes, text) for word, (_, takes, text) in MODIFIER_KEYS.items()},
+        **{word: _setting_schema(takes, text) for word, (_, takes, text) in OWNED_KEYS.items()},
     }
 
 
@@ -189,6 +189,13 @@ def _setting_schema(takes: str, text: str) -> Schema:
                 "pattern": pattern,
                 "errorMessage": message,
                 "examples": [3, word],
+            }
+        case "a list of numbers":
+            return found | {
+                "type": ["array", "string"],
+                "items": {"type": ["number", "string"], "minimum": 0},
+                "pattern": HOLE,
+                "errorMessage": "needs a number for each child, such as [2, 1]",
             }
         case "true or an expression":
             limits = {"not": {"enum": [False, *YES_NO_WORDS]}, "errorMessage": "needs true, or an expression"}

@@ -64,6 +64,9 @@ class UnboundedCount(int):
             return self is other
         return other >= self.min_rounds and self.oracle.choose((False, True), lambda last: "that was the last" * last)
 
+    def __ne__(self, other: object) -> bool:
+        return not self == other  # an int compares its value for != by itself, without __eq__
+
     def __hash__(self) -> int:
         return id(self)
 

@@ -25,7 +25,7 @@ from missions.language.nodes import (
     WAIT_FOR,
     CompositeKind,
 )
-from missions.language.plan import Step
+from missions.language.plan import Step, composite_kind
 from missions.plugins.verify.abstract_values import NondetValue
 from missions.plugins.verify.stand_ins import SetStandIn
 
@@ -114,8 +114,12 @@ class LivenessAnalysis:
         else:
             # In a counting parallel, any end of a child may precede either end of the parallel.
             ended = live_after.success | live_after.failure
-            ends = LiveAfter(ended, ended, live_after.skipped) if step.arguments else live_after
-            kind = COMPOSITES[step.kind]
+            ends = (
+                LiveAfter(ended, ended, live_after.skipped)
+                if step.kind == "parallel" and step.arguments
+                else live_after
+            )
+            kind = composite_kind(step) or COMPOSITES[step.kind]
             found = reads | _before_composite(kind, children, ends, again)
             running = found if kind.reactive else NO_NAMES
         self.running[key] = running

@@ -27,6 +27,7 @@ from missions.executive.modifiers import (
 from missions.executive.parallel import Parallel
 from missions.executive.parent import Modifier, Parent
 from missions.executive.submission import Submission
+from missions.language.child_order import Weights
 from missions.language.definite_assignment import catches_failure
 from missions.language.expressions import Template, Value
 from missions.language.for_each import ListMembers, steps_in_scope
@@ -140,8 +141,17 @@ def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
         return _nondet_value(value, oracle, TopValue(oracle))
     if step.kind == "parallel":
         return _nondet_value(value, oracle, *range(1, len(step.children) + 1))
+    if step.kind == "random_selector":
+        return _nondet_value(value, oracle, *_unknown_weights(len(step.children)))
     every_tick = step.kind in MODIFIERS and MODIFIERS[step.kind].every_tick
     return replace(_nondet_value(value, oracle, True, False), every_tick=every_tick)
+
+
+def _unknown_weights(children: int) -> list[Weights]:
+    """Return weights for each set of children that may have a chance; for many children only for all of them."""
+    if children > MAX_ORDERED_CHILDREN:
+        return [(1.0,) * children]
+    return [tuple(float(number >> place & 1) for place in range(children)) for number in range(1, 2**children)]
 
 
 def _nondet_value(value: Value, oracle: Oracle, *options: object) -> NondetValue:
@@ -519,6 +529,18 @@ class Shuffler(Random):
             self.is_sampled = True
             orders = [before[place:] + before[:place] for place in range(len(before))]
         x[:] = self._oracle.choose(orders, _describe_order)
+
+    def choices(self, population: Any, *args: Any, **options: Any) -> list[Any]:
+        """Return one member of ``population``: a choice, or the first if there are too many."""
+        del args, options
+        if len(population) > MAX_ORDERED_CHILDREN:
+            self.is_sampled = True
+            return [population[0]]
+        return [self._oracle.choose(list(population), _describe_next)]
+
+
+def _describe_next(child: Any) -> str:
+    return f"{child.name} is drawn next"
 
 
 def _describe_order(children: Iterable[Any]) -> str:

@@ -11,7 +11,7 @@ from config.units import quantity_text
 from drivers.clock import Clock
 from missions.executive.modifiers import RepeatModifier, RetryModifier
 from missions.language.nodes import NODES
-from missions.language.plan import Plan, Step
+from missions.language.plan import Plan, Step, composite_kind
 from missions.plugins.verify.explore import (
     GOING,
     HALTING,
@@ -108,11 +108,12 @@ class RuleChecker:
     def _unreached_diagnostic(self, node: Node) -> Diagnostic:
         step = _unwrap_modifiers(self._steps[node.key])
         parent = self._steps[node.key.rpartition(".")[0] or node.key]
+        reason = (composite_kind(parent) or NODES[parent.kind]).unreached_reason
         return Diagnostic(
             step.source,
             step.mark,
             f"'{step.name}' is never reached",
-            f"'{parent.kind}' (line {parent.mark.line}): {NODES[parent.kind].unreached_reason or 'never reached'}",
+            f"'{parent.kind}' (line {parent.mark.line}): {reason or 'never reached'}",
         )
 
     def _check_timeouts(self) -> list[RuleVerdict]:

@@ -3,6 +3,8 @@
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from random import Random
+from typing import Any
 
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
@@ -71,6 +73,18 @@ def taped(step: Step, tape: Tape) -> Step:
     return replace(step, children=children) if step.leaf is None else replace(step, leaf=Reader, arguments={})
 
 
+class TapedRandom(Random):
+    """Chance that reads ``tape``: each child that can be drawn next is drawn in some run."""
+
+    def __init__(self, tape: Tape) -> None:
+        super().__init__(0)
+        self._tape = tape
+
+    def choices(self, population: Any, *args: Any, **options: Any) -> list[Any]:
+        del args, options
+        return [population[STATUSES.index(self._tape.read()) % len(population)]]
+
+
 class TapedFace:
     """The face of the robot's state: whether one is seen is read from the tape, or that the camera does not report."""
 
@@ -94,6 +108,7 @@ def enumerated(plan: Plan, seconds: tuple[float, ...]) -> Iterator[tuple[int, St
         clock = ManualClock()
         run = RunState(clock)
         run.variables["face"] = TapedFace(tape)
+        run.random = TapedRandom(tape)
         root = build(replace(plan, tree=tree), run, lambda _: Robot())
         for tick in range(1, TICKS + 1):
             clock.advance(seconds[tick - 1])
@@ -149,6 +164,15 @@ def cleaning(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
         st.builds("{}, retry: 2, recover: {{{}}}".format, LEAF, children),
         st.builds("{}, finally: {{{}}}".format, LEAF, cleanups),
         st.builds("sequence: [{{{}}}, {{{}}}], finally: {{{}}}".format, children, LEAF, cleanups),
+    ]
+
+
+def ordering(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
+    """Selectors with another order of their children."""
+    weights = st.sampled_from(("[1, 2]", "[0, 1]", "[1, 0]"))
+    return [
+        st.builds("selector: [{{{}}}, {{{}}}], in_turn: true".format, children, children),
+        st.builds("random_selector: [{{{}}}, {{{}}}], weights: {}".format, children, children, weights),
     ]
 
 
@@ -244,6 +268,17 @@ def test_the_shortest_way_through_lists_is_that_of_all_short_runs(tree: str) -> 
 @example("selector: [{look: 0 deg, finally: {listen: {for: [yes]}}}, {look: 0 deg}]")
 @given(trees(MODIFIERS[:7], LEAF, cleaning))
 def test_shortest_ways_past_recoveries_and_cleanups_match_brute_force(tree: str) -> None:
+    found = plan(tree)
+    if found is None:
+        return
+    compare_shortest_ways(found, 0.0)
+
+
+@settings(max_examples=40)
+@example("selector: [{look: 0 deg}, {look: 0 deg, invert: true}], in_turn: true, repeat: 2")
+@example("random_selector: [{look: 0 deg, if: false}, {look: 0 deg}, {fail: no}], weights: [2, 1, 0]")
+@given(trees(MODIFIERS, more=ordering))
+def test_the_shortest_way_in_another_order_is_that_of_all_short_runs(tree: str) -> None:
     found = plan(tree)
     if found is None:
         return

@@ -103,6 +103,14 @@ def test_a_count_ends_however_large_it_is(count: int) -> None:
     assert found.states < 20
 
 
+@pytest.mark.parametrize("rounds", ["repeat: 50", "for_each"])
+def test_node_of_the_third_of_many_rounds_is_reached(rounds: str) -> None:
+    step = "sequence: [{set: {n: '${n + 1}'}}, {drive: 1 m, if: n == 3}]"
+    each = f"for_each: {{in: [1, 2, 3, 4, 5], as: x, do: {{{step}}}}}"
+    tree = f"sequence: [{{set: {{n: 0}}}}, {{{each if rounds == 'for_each' else f'{step}, {rounds}'}}}]"
+    assert outcome(tree, "can: fail") == PROVED
+
+
 def test_a_third_attempt_is_the_last_of_three() -> None:
     found = explored("drive: 1 m\nretry: 3", "can: fail")
     assert found.depth == 3

@@ -110,7 +110,7 @@ def test_texts_are_one_line_without_what_would_break_a_picture() -> None:
 
 def test_every_kind_of_node_has_a_symbol_of_its_own_in_the_legend() -> None:
     signs = [sign for sign, _, _ in legend()]
-    assert len(set(signs)) == len(signs) == len(BRANCHES) + 2
+    assert len(set(signs)) == len(signs) == len(BRANCHES) + 3  # a selector in turn, condition and action
     assert all(word and meaning for _, word, meaning in legend())
 
 
