@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from py_trees.common import Status
 
-from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Condition, Leaf, argument
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Condition, Leaf, UnmeasuredError, argument
 from behaviours.run import log
 
 # The leaf that tells somebody who is not there.
@@ -64,7 +64,7 @@ class Check(Leaf):
 class WaitUntil(Leaf):
     """Wait until a condition is true.
 
-    Running until then, and succeeds. Fails only if the condition cannot be calculated; add `timeout` for a limit.
+    Running until then, and then succeeds; a condition that cannot be calculated is not true. Add `timeout` for a limit.
     """
 
     tag = "wait_until"
@@ -74,8 +74,10 @@ class WaitUntil(Leaf):
     def update(self) -> Status:
         try:
             return SUCCESS if self.condition.is_true() else self.wait(self.condition.false_reason())
-        except ValueError as error:
+        except UnmeasuredError as error:
             return self.fail(f"{self.label}: {error}")
+        except ValueError as error:
+            return self.wait(str(error))
 
 
 class Log(Leaf):

@@ -69,14 +69,18 @@ def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  #
     return Argument(name=name, kind=kind, help=help, **options)
 
 
+class UnmeasuredError(ValueError):
+    """A condition that rests on dead reckoning, because the base does not measure its motion."""
+
+
 class Condition(Protocol):
     """Condition in a mission, bound to the variables of the mission."""
 
     def is_true(self) -> bool:
         """Evaluate the condition.
 
-        Raises ValueError if it cannot be calculated or rests on dead reckoning, and SensorSilent if a sensor has not
-        reported.
+        Raises UnmeasuredError, SensorSilent if a sensor has not reported, and ValueError if it cannot be calculated,
+        such as a comparison with the distance of a face while none is seen.
         """
 
     def false_reason(self) -> str:

@@ -8,7 +8,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
 from behaviours.haltable_node import AT_REST, HALTING, STARTING, WORKING, HaltableNode
-from behaviours.joint_ranges import REQUIRED, Argument, Condition, JointRanges, argument
+from behaviours.joint_ranges import REQUIRED, Argument, Condition, JointRanges, UnmeasuredError, argument
 from behaviours.node import sensor_timeout_reason
 from behaviours.robot import Robot
 from behaviours.run import log
@@ -40,7 +40,19 @@ def short_repr(value: object) -> str:
 
 
 # What a leaf is written with comes from one module.
-__all__ = ["FAILURE", "IDLE", "REQUIRED", "RUNNING", "SUCCESS", "Argument", "Condition", "Leaf", "argument", "log"]
+__all__ = [
+    "FAILURE",
+    "IDLE",
+    "REQUIRED",
+    "RUNNING",
+    "SUCCESS",
+    "Argument",
+    "Condition",
+    "Leaf",
+    "UnmeasuredError",
+    "argument",
+    "log",
+]
 
 RUNNING, SUCCESS, FAILURE, IDLE = Status.RUNNING, Status.SUCCESS, Status.FAILURE, Status.INVALID
 

@@ -1,37 +1,50 @@
 """``mission check``: report all errors in missions before a run."""
 
 import json
+from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
 import click
 
 from behaviours.leaf import Leaf
 from config.diagnostics import Diagnostic, InvalidFileError, InvalidInputError, Mark, SourceText
+from config.file_io import save_file
 from config.library import UnknownNameError
+from config.yaml_nodes import read_source
 from missions.cli.default_robot import load_mission_for, load_target, robot_option, robots_for
 from missions.cli.names import MISSION
 from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader, mission_files_in
 from missions.language.claims import impossible_alternatives
 from missions.language.document import unread_param_hints
+from missions.language.old_forms import rewrite_old_forms
 from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
 from missions.library.lookups import LOOKUPS
 from missions.library.plugins import find_file_kind, load
-from missions.library.shipped import shipped_missions
+from missions.library.shipped import find_mission, shipped_missions
 
 
 @click.command(epilog="Example: mission check greet patrol")
 @click.argument("names", type=MISSION, nargs=-1, metavar="[MISSION]...")
 @robot_option
+@click.option("--fix", is_flag=True, help="Rewrite old forms in the named files into newer ones with the same meaning.")
 @click.option("--json", "as_json", is_flag=True, help="Write the errors as JSON, for editors and other programs.")
 @params_option
 @behaviours_option
 def command(
-    names: tuple[str, ...], robot: str | None, as_json: bool, params: dict[str, str], files: tuple[Path, ...]
+    names: tuple[str, ...],
+    robot: str | None,
+    fix: bool,
+    as_json: bool,
+    params: dict[str, str],
+    files: tuple[Path, ...],
 ) -> int:
     """Check missions and their tests: names, files or folders; without a name, all missions of MissionTree."""
+    if fix and not names:
+        raise click.UsageError("--fix needs the files to rewrite: mission check --fix FILE")
     robots = robots_for(robot)
     leaves = leaf_loader(files)
     found: list[Diagnostic] = []
@@ -44,6 +57,9 @@ def command(
             click.echo(summary, err=bool(faults))
             for hint in advice:
                 click.echo(f"hint: {hint}", err=True)
+        if fix and not faults:
+            for line in _fix_file(name, lambda path: _check_file(path, params, robots, leaves, files)[1]):
+                click.echo(line, err=as_json)
     if as_json:
         entries = [_as_dict(fault, "error") for fault in found] + [_as_dict(hint, "hint") for hint in hints]
         click.echo(json.dumps(entries, indent=2, ensure_ascii=False))
@@ -83,6 +99,30 @@ def _check_file(
         *impossible_alternatives(plan.tree, robot, LOOKUPS),
     ]
     return summary, [], [*hints, *confusions(plan.tree, robot)]
+
+
+def _fix_file(name: str, check: Callable[[str], Sequence[Diagnostic]]) -> list[str]:
+    """Rewrite the old forms in a mission without errors; return the lines to print.
+
+    ``check`` returns the errors of a file. The file is replaced only if the rewritten text has none.
+    """
+    if find_file_kind(Path(name).name) is not None:
+        return []
+    path = find_mission(name)
+    data = path.read_bytes()
+    text, rewrites = rewrite_old_forms(str(path), read_source(path).text)
+    if not rewrites:
+        return [f"{name}: no old form"]
+    mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
+    with NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix) as trial:
+        trial.write(mark + text.encode())
+        trial.flush()
+        if check(trial.name):
+            return [f"{name}: not rewritten, since the new text would have errors"]
+    if path.read_bytes() != data:
+        return [f"{name}: not rewritten, since the file has changed meanwhile"]
+    save_file(path, mark + text.encode())
+    return [f"{name}:{line}: rewritten as '{new}'" for line, new, _ in rewrites]
 
 
 def _as_dict(fault: Diagnostic, severity: str) -> dict[str, object]:

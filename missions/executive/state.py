@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import radians
 from typing import TypeVar
 
+from behaviours.joint_ranges import UnmeasuredError
 from behaviours.robot import Robot
 from drivers.api import Base, BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
@@ -153,10 +154,10 @@ class BoundCondition:
         self._scope = scope
 
     def is_true(self) -> bool:
-        """Evaluate the condition. Raises ValueError and SensorSilent."""
+        """Evaluate the condition. Raises UnmeasuredError, SensorSilent and ValueError."""
         problem = unmeasured_reason(self._value, self._scope)
         if problem:
-            raise ValueError(problem)
+            raise UnmeasuredError(problem)
         return bool(self._value.resolve(self._scope))
 
     def false_reason(self) -> str:
