@@ -213,7 +213,7 @@ class NondetValue(Value):
         if not self.never_computed and not self.only_checked:
             if not self._reads_unknown(scope):
                 return self.abstraction(Value.resolve(self, scope))
-            if self.has_shortcuts:
+            if self.has_shortcuts and self.local_names is None:
                 try:
                     return self.abstraction(Value.resolve(self, KnownScope(scope)))
                 except UnknownReadError:

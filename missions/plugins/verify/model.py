@@ -477,7 +477,7 @@ class MissionModel:
             sensor_readers(tree, self.nodes),
         )
         for leaf in self.watch.leaves:
-            leaf.merger = self.merger
+            leaf.merger = None if leaf.in_finally else self.merger
         self._seconds = sorted({*durations(plan.tree), sensor_timeout, MAX_RETICK_INTERVAL})
 
     def tick(self) -> None:

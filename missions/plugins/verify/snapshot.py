@@ -8,7 +8,13 @@ from typing import Any, NamedTuple
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS
 from behaviours.node import Node, Suspension
 from missions.executive.for_each import ForEach
-from missions.executive.modifiers import MAX_RETICK_INTERVAL, OnceModifier, RepeatModifier, RetryModifier
+from missions.executive.modifiers import (
+    MAX_RETICK_INTERVAL,
+    FinallyModifier,
+    OnceModifier,
+    RepeatModifier,
+    RetryModifier,
+)
 from missions.executive.parallel import Parallel
 from missions.executive.parent import Modifier
 from missions.plugins.verify.abstract_values import PLAIN_TYPES, UnboundedCount
@@ -90,7 +96,7 @@ class Snapshots:
         self._parts = [NodeFields.of(node, parents.get(node)) for node in nodes]
         self._numbers: dict[tuple[tuple[str, ...], Row], int] = {}
         self._rows: list[dict[str, object]] = []  # fields by row number
-        self._lingering = [part.node for part in self._parts if isinstance(part.node, StandIn) and part.node.lingers]
+        self._stopping = [part.own for part in self._parts if isinstance(part.node, StandIn | FinallyModifier)]
 
     def take(self, ticking: Collection[int] = ()) -> tuple[Rows, dict[int, float]]:
         """Return the rows of all nodes, and the instants in the rows, each with the longest wait from it in seconds.
@@ -131,9 +137,9 @@ class Snapshots:
                 found.append((number, None if suspension is None else suspension.timed_out, is_skipped))
         return tuple(found)
 
-    def halted_in(self, tick: int) -> tuple[StandIn, ...]:
-        """Return the leaves that were halted in ``tick`` and need more time."""
-        return tuple(leaf for leaf in self._lingering if leaf.is_halted_in(tick))
+    def stopped_in(self, tick: int) -> tuple[bool, ...]:
+        """Return for each leaf, and each ``finally``, whether its halt or its cleanup was ticked in ``tick``."""
+        return tuple(tick in (own.get("_halt_tick"), own.get("_cleanup_tick")) for own in self._stopping)
 
     def _running_row(self, part: NodeFields, place: int, instants: dict[int, float]) -> int:
         """Return the number of the row of a node that runs."""

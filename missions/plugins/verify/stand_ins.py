@@ -69,10 +69,6 @@ class StandIn(Leaf):
             self.merger.visit(self)
         return super().on_tick()
 
-    def is_halted_in(self, tick: int) -> bool:
-        """Return whether the leaf was halted in ``tick`` and needs more time."""
-        return self._halt_by is not None and self._halt_tick == tick
-
     def initialise(self) -> None:
         if self.live:
             self.watch.add_violation(self, "was started again before it was stopped")

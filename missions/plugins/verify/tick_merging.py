@@ -7,6 +7,7 @@ This is exact, since the following decide the rest of a tick, and all of them ar
 variables, the times, the monitors, and the sensors that may be read again. The nodes that are being ticked are the
 ancestors of the leaf. The local variables of their methods follow from the place of the leaf and from the fields of
 nodes, since each node is ticked at most once in a tick, and its status is published before the next one is ticked.
+Leaves in a ``finally`` are left out: they are ticked while other nodes halt, which have an end in a local variable.
 
 Scripts are enumerated in lexical order, so the run that goes on is the one whose script is reported anyway. A run that
 breaks a rule is never merged.
@@ -87,7 +88,7 @@ class TickMerger:
             leaf,
             rows,
             self._snapshots.marks(ticking),
-            self._snapshots.halted_in(self._run.tick),
+            self._snapshots.stopped_in(self._run.tick),
             self._timing.zone.project(instants),
             self._scopes.changes(),
             self._relevant_reports(leaf),

@@ -1,0 +1,119 @@
+"""Runs that are merged within a tick: they lead to the same states, by the same scripts, as if none were merged."""
+
+from collections.abc import Mapping
+from unittest.mock import patch
+
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from missions.language.plan import Plan
+from missions.library.shipped import load_mission
+from missions.plugins.verify.explore import StateSpace
+from missions.plugins.verify.model import MissionModel
+from missions.plugins.verify.rule_monitor import Violation
+from missions.plugins.verify.tick_merging import TickMerger
+from tests.missions.testing.verify import test_against_brute_force as brute
+from tests.missions.testing.verify.exploring import plan_of
+
+BOUND = 400
+
+
+def explored(plan: Plan) -> StateSpace:
+    space = StateSpace(MissionModel(plan), BOUND)
+    space.explore()
+    return space
+
+
+def found(space: StateSpace) -> Mapping[str, object]:
+    """Return all that verdicts and traces are made of; nodes by their keys."""
+    watch = space.model.watch
+    return {
+        "states": [
+            (place.kind, place.predecessor, place.script, place.successors, place.completes_round)
+            for place in space.places
+        ],
+        "violations": {
+            rule: (message(first.violation), first.place, first.script, first.halted)
+            for rule, first in space.violations.items()
+        },
+        "reached": {node.key for node in watch.reached},
+        "expired": {node.key for node in watch.expired},
+    }
+
+
+def message(violation: Violation) -> tuple[str, str]:
+    return violation.message, violation.node.key
+
+
+def compare(plan: Plan) -> tuple[int, int]:
+    """Compare an exploration with one that merges nothing; return the transitions of both."""
+    merged = explored(plan)
+    with patch.object(TickMerger, "start", lambda _: None):
+        whole = explored(plan)
+    if whole.is_complete:
+        assert found(merged) == found(whole)
+    return merged.transitions, whole.transitions
+
+
+LEAF = st.sampled_from(
+    (
+        "look: 0 deg",
+        "drive: 1 m",
+        "face_seen: 1 s",
+        "dark: 20 %",
+        "bumped",
+        "check: battery.percent < 30",
+        "wait_until: face.seen or base.bumper",
+        "set: {n: 1}",
+        "set: {n: '${n + 1}'}",
+        "say: '${n}'",
+        "check: n == 1",
+        "listen: {for: [yes]}",
+        "wait: 1 s",
+    )
+)
+MODIFIERS = (
+    *brute.MODIFIERS,
+    *brute.TIMES,
+    "while: base.bumper",
+    "if: range.ahead < 1 m",
+    "until: battery.percent > 30 and face.seen",
+    "once: ${n}",
+    "finally: {listen: {for: [no]}}",
+)
+
+
+def more(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
+    lists = st.lists(children, min_size=2, max_size=3).map(lambda nodes: ", ".join(f"{{{node}}}" for node in nodes))
+    return [
+        *brute.waiting(children),
+        *brute.listing(children),
+        *brute.cleaning(children),
+        st.builds("{}: [{}]".format, st.sampled_from((*brute.COMPOSITES, "random_selector")), lists),
+    ]
+
+
+@settings(max_examples=60)
+@example("parallel: [{bumped}, {sequence: [{drive: 1 m}, {bumped}], finally: {listen: {for: [no]}}}, {bumped}]")
+@example("reactive_selector: [{sequence: [{bumped}, {drive: 1 m}]}, {drive: 2 m, finally: {listen: {for: [no]}}}]")
+@given(brute.trees(MODIFIERS, LEAF, more))
+def test_merged_runs_lead_to_the_same_states_by_the_same_scripts(tree: str) -> None:
+    try:
+        plan = plan_of(f"{{sequence: [{{set: {{n: 0}}}}, {{{tree}}}]}}")
+    except ValueError:
+        return
+    compare(plan)
+
+
+@pytest.mark.parametrize("name", ["greet_everybody", "look_away", "shake_hands"])
+def test_merging_leaves_a_shipped_mission_as_it_was(name: str) -> None:
+    merged, whole = compare(load_mission(name))
+    assert merged <= whole
+
+
+def test_ways_to_the_same_failure_are_followed_once() -> None:
+    steps = ", ".join("{drive: 1 m}" for _ in range(8))
+    after = ", ".join("{say: Hi, on_failure: succeed}, {turn: 9 deg}" for _ in range(3))
+    merged, whole = compare(plan_of(f"selector: [{{sequence: [{steps}]}}, {{sequence: [{after}]}}]"))
+    assert merged < whole / 2
