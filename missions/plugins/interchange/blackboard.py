@@ -200,7 +200,7 @@ class Dataflow:
         after = self._follow_word(step, known)
         for value in step.keys.values():
             if isinstance(value, MissionStep):
-                self.follow(value, known | _first_sets(step))
+                self.follow(value, known)
         self.sets |= dict.fromkeys(step.sets)
         keeps = all(_keeps_success(key, step.keys[key]) for key in step.keys if key in MODIFIERS or key == "for")
         return after if keeps else known
@@ -232,12 +232,6 @@ class Dataflow:
 
     def _read(self, names: Iterable[str], known: frozenset[str]) -> None:
         self.needs |= dict.fromkeys(name for name in names if name not in known)
-
-
-def _first_sets(step: MissionStep) -> set[str]:
-    """Return the variables that the first child of a sequence sets: it has run before the node can be halted."""
-    inner = step.branches
-    return set(inner[0].sets) if step.word == "sequence" and inner and inner[0].word == "set" else set()
 
 
 def _keeps_success(key: str, value: object) -> bool:

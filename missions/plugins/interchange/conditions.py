@@ -59,10 +59,10 @@ def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip
 def _limit_by_condition(tree: TreeContext, step: MissionStep, running: Formula, skip_as: SkipAs) -> MissionStep:
     """Return a step that is skipped once a condition is false, in the way in which its parent takes that."""
     reads = tree.variables_of(running)
-    if skip_as == "success":
-        return wrapped(step, "until", PlainExpression(negate(running).text), reads=reads)
-    if skip_as == "failure":
-        return wrapped(step, "while", PlainExpression(running.text), reads=reads)
+    if skip_as != "running":
+        stops = ("until", negate(running)) if skip_as == "success" else ("while", running)
+        step = wrapped(step, stops[0], PlainExpression(stops[1].text), reads=reads)
+        return wrapped(step, "if", PlainExpression(running.text), reads=reads)
     idle = MissionStep("wait_until", PlainExpression("false"))
     cases: dict[str, object] = {
         "on": PlainExpression(as_condition(running).text),
@@ -88,6 +88,7 @@ def _with_ends(tree: TreeContext, element: Element, step: MissionStep, codes: Ma
         step.comments = comments
         return step
     runs = tree.names.fresh(f"{word_of(element.attributes.get('name') or element.tag)}_runs")
+    tree.initial[runs] = False
     if may_fail:
         failed = MissionStep("sequence", [set_step({runs: False}), *after_failure, fail_again()])
         step = MissionStep("selector", [step, failed])

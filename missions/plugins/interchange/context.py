@@ -153,8 +153,8 @@ def set_step(values: dict[str, object]) -> MissionStep:
 
 
 def fail_again() -> MissionStep:
-    """Return a failure after a failure before it."""
-    return MissionStep("fail")
+    """Return a failure with the reason of the failure before it."""
+    return MissionStep("fail", Computed("failure"))
 
 
 def wrap_in(step: MissionStep, word: str, children: list[MissionStep]) -> MissionStep:

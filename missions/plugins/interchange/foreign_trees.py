@@ -64,14 +64,13 @@ class SourceTree:
         """Version of the file's format."""
         return self.file.version
 
-    @property
-    def port_defaults(self) -> Mapping[str, str]:
-        """Defaults of ports that stand on the tree itself."""
-        return {
-            name: value
-            for name, value in self.element.attributes.items()
-            if name not in ("ID", "name") and not name.startswith("_")
-        }
+    def port_defaults(self, models: Mapping[str, NodeModel]) -> dict[str, str]:
+        """Return the defaults of ports that stand in the model of the tree, and on the tree itself."""
+        model = models.get(self.id)
+        found = {} if model is None else {name: port.default or "" for name, port in model.ports.items()}
+        on_tree = {name: value for name, value in self.element.attributes.items() if name not in ("ID", "name")}
+        found |= {name: value for name, value in on_tree.items() if not name.startswith("_")}
+        return {name: value for name, value in found.items() if value}
 
 
 @dataclass(slots=True)
@@ -272,10 +271,7 @@ def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) 
 
 def call_ports(project: ForeignProject, tree: SourceTree | None, element: Element) -> dict[str, str]:
     """Return the ports of a SubTree node: the given ones, and the defaults of its model and of the tree itself."""
-    model = project.models.get(element.attributes.get("ID", ""))
-    found = {} if tree is None else dict(tree.port_defaults)
-    if model is not None:
-        found |= {name: port.default for name, port in model.ports.items() if port.default is not None}
+    found = {} if tree is None else tree.port_defaults(project.models)
     given = {name: value for name, value in element.attributes.items() if name not in ("ID", "name")}
     return found | {name: value for name, value in given.items() if not name.startswith("_")}
 

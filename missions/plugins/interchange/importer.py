@@ -61,7 +61,7 @@ def import_trees(
         for tree in project.trees()
         if tree.body is not None
     }
-    interfaces = _connect(translated, names, imported.report)
+    interfaces = _connect(project, translated, names, imported.report)
     _remove_dead_steps(translated, leaves, stubs, imported.report)
     for key, each in translated.items():
         imported.files[f"{names[key]}{MISSION_SUFFIX}"] = _text(each, interfaces[key], names[key])
@@ -102,12 +102,12 @@ def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
 
 
 def _connect(
-    translated: Mapping[int, TranslatedTree], names: Mapping[int, str], report: ImportReport
+    project: ForeignProject, translated: Mapping[int, TranslatedTree], names: Mapping[int, str], report: ImportReport
 ) -> dict[int, MissionInterface]:
     """Fill in the calls of other trees, callees first, and return the params and variables of each mission."""
     interfaces: dict[int, MissionInterface] = {}
     for key in translated:
-        _connect_tree(key, translated, interfaces, names, report, ())
+        _connect_tree(project, key, translated, interfaces, names, report, ())
     for key, each in translated.items():
         _set_unset_variables(each, interfaces[key])
         for step, call in each.calls:
@@ -117,6 +117,7 @@ def _connect(
 
 
 def _connect_tree(
+    project: ForeignProject,
     key: int,
     translated: Mapping[int, TranslatedTree],
     interfaces: dict[int, MissionInterface],
@@ -133,7 +134,7 @@ def _connect_tree(
             report.add(LOST, call.element, f"the tree '{call.tree.id}' runs itself: it fails here", "SubTree")
             step.word, step.value = "fail", f"the tree {call.tree.id} runs itself"
             continue
-        _connect_tree(inner, translated, interfaces, names, report, (*chain, key))
+        _connect_tree(project, inner, translated, interfaces, names, report, (*chain, key))
         step.value = names[inner]
         fill_call(step, call, interfaces[inner], each.names, translated[inner].entries)
         for variable in (*step.reads, *step.sets):
@@ -141,14 +142,14 @@ def _connect_tree(
         for port in (*call.entries, *call.constants):
             if port not in translated[inner].entries.values():
                 report.add(LOST, call.element, f"the port '{port}', which the tree does not use", "SubTree")
-    interfaces[key] = _interface(each)
+    interfaces[key] = _interface(project, each)
 
 
 def _entry_behind(tree: TranslatedTree, variable: str) -> str:
     return next((entry for entry, name in tree.names.known().items() if name == variable), variable)
 
 
-def _interface(each: TranslatedTree) -> MissionInterface:
+def _interface(project: ForeignProject, each: TranslatedTree) -> MissionInterface:
     flow = Dataflow()
     start = frozenset(each.initial)
     after = flow.follow(each.root, start)
@@ -156,7 +157,7 @@ def _interface(each: TranslatedTree) -> MissionInterface:
     for variable in flow.needs:
         if variable not in flow.sets:
             found.params[variable] = ANY_VALUE
-    defaults = each.tree.port_defaults
+    defaults = each.tree.port_defaults(project.models)
     for variable, entry in each.entries.items():
         if entry in defaults and not is_pointer(defaults[entry]):
             found.params[variable] = constant_value(defaults[entry])

@@ -25,6 +25,7 @@ FIRST_SEED = 800_000
 TICKS = 30
 WORDS = {"R": "RUNNING", "S": "SUCCESS", "F": "FAILURE"}
 VARIABLES = ("a", "b", "c")
+SCRIPTS_AFTER = ("_onSuccess", "_onFailure", "_onHalted", "_post")
 
 
 @dataclass
@@ -34,7 +35,8 @@ class Drawn:
     random: Random
     numbers: Iterator[int] = field(default_factory=count)
     outcomes: dict[str, str] = field(default_factory=dict)
-    subtrees: list[str] = field(default_factory=list)
+    forced: int = 0
+    """Number of nodes around this one that turn a skipped child into a success, since they need several steps here."""
 
     def leaf(self, letters: str = "RSF", attributes: str = "") -> str:
         """Draw a leaf with a script of its own."""
@@ -47,9 +49,10 @@ class Drawn:
         if self.random.random() > 0.25:
             return ""
         variable, other = self.random.choices(VARIABLES, k=2)
-        word = self.random.choice(("_skipIf", "_successIf", "_failureIf", "_onSuccess", "_onFailure", "_post"))
+        before = ("_successIf", "_failureIf", *(() if self.forced else ("_skipIf", "_while")))
+        word = self.random.choice((*before, *SCRIPTS_AFTER))
         code = f"{variable} &lt; {self.random.randint(0, 3)}"
-        if word in ("_onSuccess", "_onFailure", "_post"):
+        if word in SCRIPTS_AFTER:
             code = f"{variable} += 1; {other} = {variable} &gt; 2 ? 0 : {other}"
         return f' {word}="{code}"'
 
@@ -87,27 +90,34 @@ class Drawn:
                 return self._parent("Parallel", depth, counts, children, rounds=False)
             case 4:
                 kind = random.choice(("Inverter", "ForceSuccess", "ForceFailure"))
-                return f"<{kind}>{self.tree(depth - 1, rounds=rounds)}</{kind}>"
+                return f"<{kind}>{self.inner(depth, rounds=rounds)}</{kind}>"
             case 5 if rounds:
                 kind, port = random.choice((("RetryUntilSuccessful", "num_attempts"), ("Repeat", "num_cycles")))
                 return f'<{kind} {port}="{random.randint(1, 3)}">{self.tree(depth - 1)}</{kind}>'
             case 6:
-                then, other = self.tree(depth - 1, rounds=rounds), self.tree(depth - 1, rounds=rounds)
+                then, other = self.inner(depth, rounds=rounds), self.inner(depth, rounds=rounds)
                 first = random.choice((self.leaf(), self.script()))
                 return f"<IfThenElse>{first}{then}{other}</IfThenElse>"
             case 7:
-                then, other = self.tree(depth - 1, rounds=False), self.tree(depth - 1, rounds=False)
+                then, other = self.inner(depth, rounds=False), self.inner(depth, rounds=False)
                 test = self.condition()
                 if random.random() < 0.5:
                     test = f'<Sequence><Script code="{random.choice(VARIABLES)} += 1"/>{test}</Sequence>'
                 return f"<WhileDoElse>{test}{then}{other}</WhileDoElse>"
         skip = random.choice(("true", "false"))
-        return f'<RunOnce then_skip="{skip}">{self.tree(depth - 1, rounds=rounds)}</RunOnce>'
+        return f'<RunOnce then_skip="{skip}">{self.inner(depth, rounds=rounds)}</RunOnce>'
 
     def _parent(self, kind: str, depth: int, ports: str = "", children: int = 0, *, rounds: bool) -> str:
-        number = children or self.random.randint(1, 3)
-        inner = "".join(self.tree(depth - 1, rounds=rounds) for _ in range(number))
-        return f"<{kind}{ports}{self.conditions()}>{inner}</{kind}>"
+        number, conditions = children or self.random.randint(1, 3), self.conditions()
+        draw = self.inner if conditions else lambda depth, *, rounds: self.tree(depth - 1, rounds=rounds)
+        return f"<{kind}{ports}{conditions}>{''.join(draw(depth, rounds=rounds) for _ in range(number))}</{kind}>"
+
+    def inner(self, depth: int, *, rounds: bool) -> str:
+        """Draw a node below one of depth ``depth``, none of whose nodes is skipped."""
+        self.forced += 1
+        child = self.tree(depth - 1, rounds=rounds)
+        self.forced -= 1
+        return child
 
 
 def draw(seed: int) -> tuple[str, dict[str, str]]:

@@ -100,8 +100,12 @@ def test_conditions_on_a_node_become_checks_and_modifiers(tmp_path: Path) -> Non
 
     assert lines('_skipIf="n == 1"') == ["  - grasp:", "    if: n != 1"]
     assert lines('_skipIf="false"') == ["  - grasp"]
-    assert lines('_while="n == 1"') == ["  - grasp:", "    until: n != 1"]
-    assert [line.strip() for line in lines('_while="n == 1"', "Fallback")[-2:]] == ["- grasp:", "while: n == 1"]
+    assert lines('_while="n == 1"') == ["  - grasp:", "    until: n != 1", "    if: n == 1"]
+    assert [line.strip() for line in lines('_while="n == 1"', "Fallback")[-3:]] == [
+        "- grasp:",
+        "while: n == 1",
+        "if: n == 1",
+    ]
     assert lines('_successIf="n == 1"') == ["  - selector:", "      - check: n == 1", "      - grasp"]
     assert lines('_failureIf="n == 1"') == ["  - sequence:", "      - check: n != 1", "      - grasp"]
 
@@ -117,7 +121,7 @@ def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> N
         "      - grasp",
         "      - sequence:",
         "          - set: {n: 2}",
-        "          - fail",
+        '          - fail: "${failure}"',
     ]
     assert lines('_onHalted="n = 2"') == [
         "  - sequence:",
@@ -126,7 +130,7 @@ def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> N
         "          - grasp",
         "          - sequence:",
         "              - set: {grasp_runs: false}",
-        "              - fail",
+        '              - fail: "${failure}"',
         "      - set: {grasp_runs: false}",
         "    finally:",
         "      set: {n: 2}",
