@@ -297,7 +297,7 @@ class ArbitratedBase(ABC):
             self._steered(steering)
 
     def _report_online(self, message: str) -> None:
-        """Report that the base is online again, after it was silent."""
+        """Report that the base is online again, if it was reported offline before."""
         if self._silent:
             self._silent = False
             self._report(DeviceStatus(self.name, "online", message))

@@ -44,7 +44,8 @@ LATCHED_INTERVAL = 0.2
 """Longest interval in seconds between two stop commands to a latched base."""
 
 GREETING_INTERVAL = 0.5
-"""Seconds between two greetings of a base that does not report."""
+"""Seconds after which ``DiffDriveProtocol.greet`` (a request for reports) is repeated while the base does not report.
+"""
 
 FINAL_STOPS = 5
 """Number of stop commands sent just before the port is closed, since single commands may be damaged on the wire."""
@@ -54,9 +55,9 @@ FINAL_STOPS = 5
 class DiffDriveTiming:
     """Timing of a base on a wire, in seconds.
 
-    A state is stale ``stale_after`` its measurement, and the base is offline ``offline_after`` its last report. A
-    report arrives ``report_delay`` after its measurement. At rest, a command is sent every ``idle_interval``, and
-    reports are buffered for ``idle_poll_interval`` before they are read.
+    A state is stale ``stale_after`` seconds after its measurement; the base is offline ``offline_after`` seconds after
+    its last report. A report arrives ``report_delay`` after its measurement. At rest, a command is sent every
+    ``idle_interval``, and reports are buffered for ``idle_poll_interval`` before they are read.
     """
 
     stale_after: float = 0.15
@@ -141,7 +142,10 @@ class DiffDriveProtocol(ABC):
         """Return the command that drives at ``velocity``."""
 
     def stop(self, now: float) -> bytes:
-        """Return the command that stops the wheels. A protocol whose wire may lose commands repeats it."""
+        """Return the command that stops the wheels.
+
+        A protocol whose wire may lose commands overrides this method to return several copies of the command.
+        """
         return self.drive(ZERO_VELOCITY, now)
 
     def query(self, now: float) -> bytes:  # noqa: ARG002
@@ -149,7 +153,7 @@ class DiffDriveProtocol(ABC):
         return b""
 
     def is_ready(self, now: float) -> bool:  # noqa: ARG002
-        """Return False while the base sends reports but cannot be driven, such as a topic without a subscriber."""
+        """Return False if the base reports but cannot be driven, such as while no node subscribes to its commands."""
         return True
 
     def counters(self) -> Mapping[str, int]:
@@ -168,7 +172,7 @@ class DiffDriveProtocol(ABC):
 
 
 Send = Callable[[Callable[[], bytes]], None]
-"""Function that calls its argument for the bytes of a command, and sends them. Raises NotConnected."""
+"""Function that calls its argument, which makes the bytes of a command, and sends these bytes. Raises NotConnected."""
 
 
 class SoundsOnWire:
@@ -196,7 +200,7 @@ class LightsOnWire:
         self._protocol, self._send = protocol, send
 
     def light(self, number: int, colour: Lamp) -> None:
-        """Switch light 1 or 2. Raises BadRequest for another, NotConnected."""
+        """Switch light 1 or 2. Raises BadRequest for another number, and NotConnected."""
         check_light(self.name, number)
         self._send(lambda: self._protocol.light(number, colour))
 
@@ -284,7 +288,7 @@ class DiffDriveBase(ArbitratedBase):
     # --- drivers.transport.link.LinkHandler ---------------------------------------------------------------------------
 
     def on_connected(self) -> None:
-        """Greet the base on a port that was just opened, and drop the setpoints from before the connection."""
+        """Send the first request for reports on a port that was just opened, and drop all earlier setpoints."""
         now = self._clock.now()
         with self._lock:
             self._mux.stop()

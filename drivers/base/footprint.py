@@ -65,7 +65,10 @@ class RoundOutline:
 
 
 class PolygonOutline:
-    """Convex hull of ``corners`` (metres). Raises ValueError unless it encloses the middle of the base."""
+    """Outline of a base as the convex hull of ``corners`` (metres).
+
+    Raises ValueError if the hull does not enclose the middle of the base.
+    """
 
     round = False
 

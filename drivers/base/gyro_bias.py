@@ -34,7 +34,7 @@ MAX_DRIFT = 0.01
 """Turn rate of a gyro at rest in rad/s above which leaves wait until its bias is known."""
 
 AVERAGING_TIME = 2.0
-"""Time constant in seconds by which a known gyro bias is updated: it follows the temperature."""
+"""Time constant in seconds with which a known gyro bias is updated, since the bias changes with the temperature."""
 
 MAX_RATE_CHANGE = 0.02
 """Maximum change in rad/s between two reports of a gyro whose rate counts as steady, on a base without encoders."""
@@ -58,7 +58,7 @@ class GyroBias:
         self.rate = 0.0
         """Bias in rad/s."""
         self.settling = False
-        """True while the base is at rest and the bias may not be learnt yet, for ``MAX_SETTLING_TIME`` at most."""
+        """True while leaves must wait at rest because the bias is not known yet, for ``MAX_SETTLING_TIME`` at most."""
         self._encoders = encoders
         self._learnt_for = 0.0
         self._stood_for = 0.0  # with an even rate or not

@@ -8,7 +8,7 @@ DRIFT_WARNING, DRIFT_WRONG = 0.3, 5.0
 """Drift at rest in deg/s from which on there is a warning, or an error."""
 
 TURN_SPEED = 40.0
-"""Turn rate in deg/s of the example in the finding: a turn by 90 degrees with a drifting gyro."""
+"""Turn rate in deg/s for the example in the finding: how far off a turn by 90 degrees at this rate ends."""
 
 
 def drift(turned: float, seconds: float) -> Finding:

@@ -27,13 +27,13 @@ def check(part: str, velocity: Velocity, source: Source) -> None:
 
 
 def require(part: str, latched: str) -> None:
-    """Raise DeviceFault if the base is latched; ``latched`` is the reason, empty if it is not latched."""
+    """Raise DeviceFault if the base ``part`` is latched; ``latched`` is the reason, empty if it is not latched."""
     if latched:
         raise DeviceFault(f"{part}: stopped: {latched}", hint="remove the cause, then enable the base")
 
 
 def check_light(part: str, number: int) -> None:
-    """Raise BadRequest for an unknown light."""
+    """Raise BadRequest if ``number`` is not that of a light; ``part`` names the base."""
     if number not in LIGHTS:
         raise BadRequest(f"{part}: no light {number}", hint=f"it has lights {' and '.join(map(str, LIGHTS))}")
 
@@ -68,7 +68,7 @@ class VelocityLimits:
 
     @property
     def as_base_limits(self) -> BaseLimits:
-        """The same limits, as leaves see them."""
+        """The same limits as ``drivers.api.BaseLimits``, the type that leaves use."""
         return BaseLimits(self.max_linear, self.max_angular, self.linear_acceleration, self.angular_acceleration)
 
     def clamp(self, velocity: Velocity) -> Velocity:
@@ -97,9 +97,10 @@ class VelocityLimits:
 
 
 def _share(current: float, wanted: float, step: float) -> float:
-    """Return the step divided by the change from ``current`` to ``wanted``: 1 or more if one step is enough.
+    """Return the share of the change from ``current`` to ``wanted`` that is possible in a cycle; 1 or more for all.
 
-    A change towards zero may be ``BRAKING_RATIO`` times as fast.
+    ``step`` is the change that the acceleration limit permits in a cycle. Braking may be ``BRAKING_RATIO`` times as
+    fast.
     """
     change = wanted - current
     if change == 0.0:

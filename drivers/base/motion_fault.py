@@ -16,7 +16,8 @@ BACKUP_LIMIT = "backup limit"
 STALL = "stall"
 OBJECT_NEAR = "object near"
 UNKNOWN = "hazard of type"
-"""Prefix of the name of a hazard of an unknown type; the number of the type follows."""
+"""Start of the name of a hazard whose type is unknown, such as "hazard of type 9"; the number of the type follows it.
+"""
 
 _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
     {
@@ -28,7 +29,7 @@ _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
         UNKNOWN: ("not known to this version", "`mission ros2 echo /hazard_detection` shows the message"),
     }
 )
-"""Effect and hint of each hazard that is reported as a fault. Near objects are not reported."""
+"""Effect and hint by hazard. Only these hazards are reported as faults; others, such as near objects, are not."""
 
 
 def describe(hazard: str) -> tuple[str, str] | None:
@@ -197,9 +198,10 @@ class MotionHold:
         return ""
 
     def refuses(self, source: Source, wanted: Velocity, now: float) -> bool:
-        """Return whether a command is refused: its source, or the operator, was in command at the motion fault.
+        """Return whether a command of ``source`` is refused after a motion fault.
 
-        A command that ends the refusal is not refused.
+        It is refused if ``source`` commanded the base at the fault. If the operator did, all sources are refused. A
+        command that ends the refusal is not refused.
         """
         if source not in self._held:
             return source is not Source.TELEOP and self.holder(now) is Source.TELEOP
@@ -223,7 +225,7 @@ class MotionHold:
             self.fault = None
 
     def holder(self, now: float) -> Source | None:
-        """Return the source whose commands are refused at ``now``; None if there is none."""
+        """Return the source whose commands are refused at ``now``; None if no commands are refused."""
         for source, at in list(self._held.items()):
             if now - at > RELEASE_TIMEOUT:
                 self.release(source)

@@ -54,7 +54,7 @@ class MotionSums:
 
 
 class SentVelocities:
-    """Velocities sent to a base within the last ``lag`` seconds: one of them may be in force."""
+    """Velocities sent to a base within the last ``lag`` seconds; by its delay, the base may follow any of them."""
 
     def __init__(self, lag: float) -> None:
         self.lag = lag
@@ -211,7 +211,7 @@ class ProgressMonitor:
 
     @property
     def watching(self) -> bool:
-        """True if a velocity other than zero was sent within the lag, so that reports must be compared."""
+        """True if a velocity other than zero was sent so recently that the base may move: then compare its reports."""
         return not self._sent.standing
 
     def update(self, now: float, sent: Velocity, state: BaseState | None) -> MotionFault | None:
@@ -342,8 +342,8 @@ class ProgressMonitor:
 def deviation(low: float, high: float, measured: float, tolerance: float, opposite: float) -> str | None:
     """Return how ``measured`` motion deviates from the interval ``low`` to ``high``; None if it is tolerated.
 
-    ``tolerance`` widens the interval, ``opposite`` is the tolerated motion against it. The result is "none" (hardly any
-    motion), "less", "more" or "opposite".
+    ``tolerance`` widens the interval. ``opposite`` is how far the base may move in the opposite direction without a
+    fault. The result is "none" (hardly any motion), "less", "more" or "opposite".
     """
     least, most = _least(low, high, tolerance, opposite), -_least(-high, -low, tolerance, opposite)
     if least <= measured <= most:

@@ -94,8 +94,8 @@ class RangeGuard:
     ) -> tuple[Velocity, str]:
         """Return the velocity that obstacles permit, and the reason for a reduction (empty if there is none).
 
-        ``going`` is the velocity of the next cycle, ``wanted`` the setpoint that the ramp approaches. With ``reflex``
-        it is a back-off, which is permitted even without scans: it leads away from an obstacle.
+        ``going`` is the velocity of the next cycle, ``wanted`` the setpoint that the ramp approaches. ``reflex`` is
+        True during a back-off, which is permitted even without scans: it leads away from an obstacle.
         """
         age = self._update_points(now)
         if age > MISSING_AFTER and not reflex:
@@ -132,7 +132,10 @@ class RangeGuard:
         self._update_points(now)
 
     def _reach(self, velocity: Velocity) -> float:
-        """Return the highest speed in m/s of a point of the outline; 0 for a round base that turns on the spot."""
+        """Return an upper bound of the speed in m/s of all points of the outline at ``velocity``.
+
+        It is 0 for a round base that turns on the spot, because its outline then stays in the same place.
+        """
         if velocity.linear == 0.0 and self._outline.round:
             return 0.0
         return abs(velocity.linear) + abs(velocity.angular) * self._outline.radius
@@ -159,7 +162,10 @@ class RangeGuard:
         return now - min(self._scan.stamp, self._came_at)
 
     def _allowed(self, going: Velocity, limits: VelocityLimits, now: float) -> tuple[float, str]:
-        """Return the share of ``going`` (0 to 1) at which the base stops before obstacles, and the nearest as text."""
+        """Return the share of ``going`` (0 to 1) at which the base stops before all obstacles.
+
+        The second result is the reason as text, such as the nearest obstacle; empty if the share is 1.
+        """
         newest = self._poses.newest()
         if newest is None:
             return 0.0, SCANS_MISSING_REASON
@@ -198,9 +204,10 @@ class RangeGuard:
     def _near(
         self, pose: Placed, going: Velocity, length: float, seconds: float
     ) -> tuple[Floats, Floats, Floats] | None:
-        """Return the positions of the points near ``pose``, in its frame, and their speeds; None if there are none.
+        """Return positions and speeds of the points that the base may meet from ``pose`` on; None if there are none.
 
-        ``length`` and ``seconds`` are the duration of the motion ``going`` for the base and for moving points.
+        The positions are in the frame of ``pose``. The base moves with ``going`` for ``length`` seconds, moving points
+        move for ``seconds``.
         """
         points = self._points
         heading, x, y = pose
@@ -266,8 +273,9 @@ def _along(velocity: Velocity, times: Floats) -> PathPoses:
 def _share_until(margin: Floats, times: Floats, reaction: float, braking: float) -> tuple[float, int]:
     """Return the share of the speed at which the base stops before all points, and the index of the nearest point.
 
-    ``margin`` are the distances to spare of each point at ``times`` (seconds) along the path. ``braking`` are the
-    seconds to stop from the full speed.
+    ``margin`` has for each point the distance in metres that is left at ``times`` (seconds) along the path; negative if
+    the base has come too near. ``reaction`` is the reaction time in seconds, ``braking`` the seconds to stop from full
+    speed.
     """
     least = margin.min(axis=0)
     used = np.flatnonzero(least < -ROUNDING)
@@ -296,9 +304,10 @@ def _share_among_moving(
     age: float,
     found: tuple[float, int],
 ) -> tuple[float, int]:
-    """Return the speed share and the nearest point, as ``_share_until``, for points that move.
+    """Return the share of the speed and the index of the nearest point, as ``_share_until`` does, for points that move.
 
-    ``found`` is the result for resting points, ``age`` the age of the scan in seconds.
+    The points have the distances ``clear`` along the path and ``now_clear`` at its start, and must stay ``gap`` metres
+    away. ``found`` is the result for resting points, ``age`` the age of the scan in seconds.
     """
     moves = np.flatnonzero(speeds)
     if not len(moves):

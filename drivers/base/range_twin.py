@@ -1,4 +1,4 @@
-"""Simulated range finder: complete turns in the simulated world, with realistic noise."""
+"""Simulated range finder: publishes a scan of the simulated world after each full turn, with realistic noise."""
 
 from collections.abc import Callable, Sequence
 from math import inf
@@ -84,7 +84,7 @@ class RangerTwin:
         self.plug.open()
 
     def rest(self) -> None:
-        """Do nothing: a range finder moves nothing of the robot."""
+        """Do nothing: a range finder has no actuator."""
 
     def close(self) -> None:
         """End the measurements. Safe from any state, more than once."""
@@ -98,7 +98,7 @@ class RangerTwin:
         return health
 
     def step(self) -> None:
-        """Advance by half a turn: measure in its middle, publish it at its end."""
+        """Advance by half a turn. Calls alternate: one measures a scan, the next one publishes it."""
         if not self.plug.online:
             return
         now = self._clock.now()
@@ -111,7 +111,7 @@ class RangerTwin:
         self._changed()
 
     def _begin(self) -> None:
-        """Drop the turn in progress."""
+        """Drop the scan that was measured but not published yet."""
         self._measured, self._turned_at = None, -inf
 
     def _ranges(self, now: float) -> Ranges:

@@ -88,7 +88,7 @@ class TwoWheels:
         return velocity if excess == 1.0 else Velocity(velocity.linear / excess, velocity.angular / excess)
 
     def rims(self, velocity: Velocity) -> tuple[float, float]:
-        """Return the speeds of the left and the right wheel in m/s."""
+        """Return the speeds of the left and the right wheel in m/s at which the base has ``velocity``."""
         half = velocity.angular * self.track / 2
         return velocity.linear - half, velocity.linear + half
 
@@ -98,7 +98,7 @@ class TwoWheels:
 
 
 class WheelOdometry:
-    """State of a base that measures its wheel speeds, or nothing. Not thread-safe.
+    """Odometry of a base that reports its wheel speeds, or reports no motion at all. Not thread-safe.
 
     ``measured`` is False for a base without encoders: its pose is dead reckoning from the velocities that were sent.
     """

@@ -22,7 +22,7 @@ BACK_OFF_TURN = 0.4
 """Turn rate in rad/s of a back-off, away from the side that was hit, as in the vendor's driver of the Kobuki."""
 
 MAX_GENTLE_SPEED = 0.06
-"""Maximum speed in m/s at which a bump does not cause a back-off: a base drives against its dock."""
+"""Maximum speed in m/s at which a bump does not cause a back-off, since a base bumps slowly into its dock."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class SafetyController:
 
     @property
     def needs_pose(self) -> bool:
-        """True during a back-off, and after a cliff until the base is far from it: both measure a distance."""
+        """True if ``update`` needs the pose: during a back-off, and after a cliff until the base is far from it."""
         return self._backing is not None or self._edge is not None
 
     def update(self, state: BaseState, sent: Velocity, now: float) -> tuple[Velocity, str] | None:

@@ -51,13 +51,13 @@ MOVING_FOR, MOVING_NEAR = 1.0, 0.5
 a moment."""
 
 NEAR = 1.5
-"""Distance in metres from the range finder within which invisible points are kept."""
+"""Distance in metres from the range finder within which points are kept when the newest scan no longer shows them."""
 
 KEPT, KEPT_TOO_NEAR = 1.0, 5.0
-"""Seconds for which invisible points are kept, and points below the minimum range."""
+"""Seconds for which a point is kept after scans stop to show it: usually, and if it is near the minimum range."""
 
 TOO_NEAR = 0.05
-"""Distance in metres above the minimum range of the range finder within which a point may become invisible."""
+"""Distance in metres that is added to the minimum range of the range finder: scans may not show nearer points."""
 
 NARROW = 0.21
 """Maximum width in radians of a gap between beams that is ignored: it hides no leg at half a metre."""

@@ -102,7 +102,10 @@ class TwinOdometry(Protocol):
         ...
 
     def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
-        """Measure the motion of ``body`` at ``now``; the measurement counts once ``late`` has delayed it."""
+        """Measure the motion of ``body`` at ``now``, and put the result into the queue ``late``.
+
+        The pose is updated with the results that this queue has delayed long enough. ``random`` draws the errors.
+        """
         ...
 
     def pause(self) -> None:
@@ -141,9 +144,9 @@ class GyroTwinOdometry:
         return velocity
 
     def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
-        """Read encoders and gyro, rounded as on the wire.
+        """Measure ``body`` with encoders and gyro, rounded to the units of a base's reports.
 
-        The units are ticks, hundredths of a degree (per second) and milliseconds.
+        The units are encoder ticks, hundredths of a degree (per second) and milliseconds.
         """
         left, right = body.encoders
         noise = random.gauss(0.0, self._noise) if self._noise else 0.0
@@ -183,7 +186,8 @@ class GyroTwinOdometry:
 class WheelTwinOdometry:
     """Simulated odometry of measured wheel speeds, or dead reckoning from the sent velocities if ``reckoned``.
 
-    With ``gyro`` a gyro measures the turns. ``wheels`` limit the velocity.
+    With ``gyro`` the turns are measured by a gyro. ``wheels`` has the maximum wheel speed, to which velocities are
+    reduced.
     """
 
     instruments = Instruments("encoders", "encoders")
@@ -207,7 +211,7 @@ class WheelTwinOdometry:
         return given
 
     def measure(self, body: BaseBody, late: DelayLine[Any], now: float, random: Random) -> None:
-        """Measure the wheel speeds of ``body``, which also count if the wheels slip."""
+        """Measure the speeds of the wheels of ``body``. Wheels that slip are measured as if the base moved."""
         del random
         if self._reckoned:
             self._reckoning.advance(now)

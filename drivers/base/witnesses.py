@@ -34,9 +34,9 @@ MIN_BEAMS, MIN_BEAMS_SHARE = 20, 0.15
 """Smallest number of significant beams, and their share of all valid beams: in a corridor few are significant."""
 
 MIN_ANGLE = 0.7
-"""Minimum sum of the angles in radians of all beams that must show the motion.
+"""Minimum angle in radians of the field of view in which scans must show the motion before they are compared.
 
-A person who walks along changes fewer beams.
+A person who walks beside the base changes a smaller part of the scan.
 """
 
 OWN_PARTS = 0.02

@@ -45,7 +45,7 @@ def source_error(name: str, source: Source, cause: Cause) -> NotConnected:
 def add_cause(failure: NotConnected, log: bytes, source: Source) -> NotConnected:
     """Return ``failure`` with the cause that is found in FFmpeg's ``log``; unchanged if there is none.
 
-    Only the log for a source that is an address is searched.
+    The log is searched only if ``source`` is an address, not for a device or a file.
     """
     if source_kind(source) is not SourceKind.URL:
         return failure

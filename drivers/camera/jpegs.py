@@ -1,4 +1,4 @@
-"""JPEG pictures from a byte stream (MJPEG), with or without part headers of HTTP in between.
+"""JPEG pictures from a byte stream (MJPEG), with or without the headers that HTTP servers send between pictures.
 
 Only complete pictures are returned: a truncated one is dropped when the next one begins.
 """
@@ -113,7 +113,7 @@ ANSWER_TIMEOUT = 5.0
 """Seconds to wait for the connection to a tcp address, and for further data."""
 
 MAX_BACKLOG_BYTES = 4_000_000
-"""Bytes read in one go while more is available, to reach the newest picture."""
+"""Number of bytes after which reading stops, even if more have arrived; older pictures in these bytes are skipped."""
 
 _READ_SIZE = 262144
 
@@ -121,7 +121,7 @@ _READ_SIZE = 262144
 class TcpFeed:
     """A ``drivers.camera.reader_process.BlockingFeed`` of a tcp address, such as ``tcp://127.0.0.1:8888``.
 
-    It opens only one connection, because a sender such as ``rpicam-vid`` accepts no second one and ends with the first.
+    It opens only one connection. A sender such as ``rpicam-vid`` accepts only one, and exits when that is closed.
     """
 
     def __init__(self, name: str, source: str) -> None:
@@ -132,7 +132,10 @@ class TcpFeed:
         self._video_feed: VideoFeed | None = None
 
     def start(self) -> float | None:
-        """Connect, and detect the format by the first bytes. Raises NotConnected with the reason."""
+        """Connect, and detect the format by the first bytes; return None, as for any live source.
+
+        Raises NotConnected with the reason.
+        """
         try:
             parts = urlsplit(self._source)
             place = parts.hostname, parts.port

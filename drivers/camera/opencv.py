@@ -1,6 +1,6 @@
 """Pictures read through OpenCV: of a webcam, a network stream, or a video file.
 
-Calls of OpenCV may block for any time, so these feeds run in a process of their own (``drivers.camera.reader``).
+Calls of OpenCV may block without a time limit, so they are made in a process of their own (``drivers.camera.reader``).
 """
 
 import os
@@ -43,7 +43,7 @@ class VideoFeed:
     def start(self) -> float | None:
         """Open the source; return the seconds between the pictures of a file, None for a live source.
 
-        Raises NotConnected, with the reason as far as the file system knows it.
+        Raises NotConnected. The error has the reason if it can be read from the file system; OpenCV gives none.
         """
         self._check_path()
         try:

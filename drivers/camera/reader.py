@@ -38,7 +38,7 @@ STALL_TIMEOUT = 6.0
 """Seconds without a picture after which a source is closed and opened again."""
 
 QUIT_TIMEOUT = 0.5
-"""Seconds to wait for a reader process to exit, after a request and again after killing it."""
+"""Seconds to wait until a reader process exits: first after the command to quit, then again after it was killed."""
 
 START, GRAB, SKIP_TO, RELEASE, QUIT = b"sgfxq"
 """Commands of a reader, one byte each: open the source, return a picture, skip, release the source, quit.
@@ -278,7 +278,7 @@ class ReaderFeed:
 
 
 def _create_shared_memory() -> int:
-    """Return the descriptor of a memory file, or of an unnamed temporary file if the system has none."""
+    """Return the file descriptor of anonymous memory (memfd), or of an unnamed temporary file if there is no memfd."""
     with suppress(OSError, AttributeError):
         return os.memfd_create("camera")
     with tempfile.TemporaryFile() as file:

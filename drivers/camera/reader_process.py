@@ -28,7 +28,7 @@ REPORT_INTERVAL = 0.5
 
 
 class BlockingFeed(Protocol):
-    """Source of pictures for the reader process; unlike a ``CameraFeed``, its methods may block for any time."""
+    """Source of pictures for the reader process. Its methods may block without a time limit."""
 
     def start(self) -> float | None:
         """Open the source; return the seconds between the pictures of a recording, or None for a live source."""
@@ -131,7 +131,7 @@ class SourceReader:
         self._is_live = True
 
     def run(self, feed: BlockingFeed) -> None:
-        """Execute the queued commands on ``feed`` until QUIT."""
+        """Execute the queued commands on ``feed`` until the command QUIT."""
         while (command := self.commands.get()) != QUIT:
             try:
                 if command == START:

@@ -34,7 +34,7 @@ from drivers.pictures.capture import OFFLINE_TIMEOUT
 from drivers.pictures.decode import SKIPPED_PICTURE, decode_picture
 
 ANSWER_TIMEOUT = 5.0
-"""Seconds to wait for the reply of a camera, and for further data of it."""
+"""Seconds to wait for the response of a camera, and for each further part of the response."""
 
 SNAPSHOT_INTERVAL = 0.125
 """Seconds between two requests for single pictures: an ESP32-CAM is no faster."""
@@ -43,7 +43,7 @@ RETRY_INTERVAL = 0.5
 """Seconds from a failed request to the next one."""
 
 MAX_BACKLOG_BYTES = 4_000_000
-"""Bytes read in one go while more is available, to reach the newest picture."""
+"""Number of bytes after which reading stops, even if more have arrived; older pictures in these bytes are skipped."""
 
 _READ_SIZE = 65536
 _MAX_PAGE_BYTES = 4096  # bytes of a web page that are looked at
@@ -116,7 +116,7 @@ class WebFeed:
             film.stop()
 
     def _next_picture(self) -> bytes | None:
-        """Return the newest picture received; None at the end."""
+        """Return the newest picture received; None at the end of the stream."""
         while True:
             try:
                 found = self._read_pictures()

@@ -99,7 +99,7 @@ class ExclusivePort:
 
 
 def skip_reason(port: SerialPortInfo) -> DeviceProblem | None:
-    """Return why a port is not probed without the user's consent; None if it may be probed."""
+    """Return the reason why probing a port needs the user's consent; None if it needs no consent."""
     if port.shut is not None:
         return port.shut
     consent = f"mission ports --ask {port.path}"

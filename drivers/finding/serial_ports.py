@@ -1,4 +1,4 @@
-"""Serial ports of a machine: USB vendor and product ids, names, holders, and the reasons why they cannot be opened.
+"""Serial ports of a machine: their USB ids and names, the programs that use them, and why they cannot be opened.
 
 The list is read from /sys, without pyserial's ``list_ports.comports``.
 """
@@ -180,7 +180,10 @@ def find_serial_ports(machine: HostMachine) -> list[SerialPortInfo]:
 
 
 def _with_pi_5_name(port: SerialPortInfo) -> SerialPortInfo:
-    """Set the description of the serial port on the pins, or at the debug connector, of a Raspberry Pi 5."""
+    """Return ``port`` with a description if it is on the pins or the debug connector of a Raspberry Pi 5.
+
+    Other ports are returned unchanged.
+    """
     if port.path == DEBUG_CONNECTOR:
         pins = f"its pins (GPIO 14 and 15) are {PINS_PORT}, after {UART_SETTING}"
         own = f"the debug connector of this Raspberry Pi 5; {pins}"
@@ -218,7 +221,7 @@ def _iter_paths(machine: HostMachine) -> Iterator[str]:
 
 
 def _read_links(machine: HostMachine) -> dict[str, tuple[str, ...]]:
-    """Return the names that udev gives to devices, those of rules first."""
+    """Return the names that udev gives to each serial device, by its path; names by udev rules come first."""
     found: dict[str, tuple[str, ...]] = {}
     for folder in ("/dev", "/dev/serial/by-id", "/dev/serial/by-path"):
         for name in machine.list_names(folder):
@@ -267,7 +270,7 @@ def _find_obstacle(machine: HostMachine, path: str, holders: tuple[Program, ...]
 
 
 def _with_stable_name(port: SerialPortInfo, *, unique: bool) -> SerialPortInfo:
-    """Set ``call``, the most stable name of a port: a name by a udev rule, by serial number, or by USB socket.
+    """Return ``port`` with its most stable name as ``call``: by a udev rule, by serial number, or by USB socket.
 
     ``unique`` is False if another connected adapter is identical; then the serial number is not used.
     """

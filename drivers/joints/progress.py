@@ -11,7 +11,10 @@ from typing import Final
 from drivers.errors import DeviceFault
 
 TOLERANCE = radians(10)
-"""Radians from its goal within which a joint has arrived; a proportional controller may come to rest there."""
+"""Distance in radians from its goal within which a joint counts as arrived.
+
+A joint with a proportional controller may come to rest beside its goal.
+"""
 
 FULL_LOAD, LOADED_TOLERANCE = 0.8, radians(4)
 """Share of the stall torque from which on a joint counts as pushing at full power, and the tolerance in that case."""
@@ -26,19 +29,20 @@ PROGRESS_STEP, RESOLUTION = radians(2), radians(0.6)
 """Sufficient progress within ``BLOCKED_AFTER``, and the least progress that sensors can detect."""
 
 MIN_SPEED_SHARE = 0.25
-"""Share of its commanded speed at which a slow joint makes enough progress not to count as blocked."""
+"""Share of its commanded speed from which on a slowly moving joint does not count as blocked."""
 
 SETTLE_TIME = 0.3
-"""Seconds near its goal after which a joint has arrived."""
+"""Seconds for which a joint must stay within the tolerance of its goal to count as arrived."""
 
 WRONG_WAY, WRONG_WAY_AFTER = radians(12), 0.5
 """Distance in the wrong direction, and its minimum duration in seconds: a shorter one occurs in braking."""
 
 RETRY_AFTER = 2.0
-"""Seconds without a command after which a joint that was given up may be tried again."""
+"""Seconds without a command after which a blocked joint may be moved towards its goal again."""
 
 MAX_READING_GAP = 0.25
-"""Maximum seconds between two readings that count as time without progress; in a longer gap, progress is unknown."""
+"""Maximum time in seconds between two readings that counts as time without progress; the rest of a longer gap does not.
+"""
 
 HINT = "free the joint; if nothing holds it, check its cable and its sensor"
 
@@ -53,7 +57,10 @@ class ProgressState(Enum):
 
 
 class ProgressEvent(Enum):
-    """Event of a ``JointProgress``; HERE is a command to the position at which the joint is."""
+    """Event of a ``JointProgress``: a command of the caller, or a finding in the readings.
+
+    HERE is a command to the position at which the joint already is.
+    """
 
     COMMAND, HERE, HOLD, RELAX, ARRIVE, BLOCK, TURN_WRONG, RUN_AWAY = range(8)
 
@@ -88,10 +95,10 @@ A joint that is blocked or has turned the wrong way stays in this state until it
 
 
 class JointProgress:
-    """Progress of one joint by its readings, in radians and seconds. Not thread-safe.
+    """Tracks from its readings whether one joint makes progress towards its goal. Not thread-safe.
 
-    ``title`` is the name of the joint in messages. ``blocked`` is the reason why the joint is no longer moved to its
-    goal; it is empty while the joint is not blocked.
+    Positions are in radians, times in seconds. ``title`` is the name of the joint in messages. ``blocked`` is the
+    reason why the joint is no longer moved to its goal; it is empty while the joint is not blocked.
     """
 
     def __init__(self, title: str) -> None:
@@ -118,14 +125,14 @@ class JointProgress:
 
     @property
     def active(self) -> bool:
-        """True while the joint moves or is given up, so that readings are needed."""
+        """True while readings are needed: while the joint moves, and after it was blocked or turned the wrong way."""
         return self.state not in (ProgressState.LIMP, ProgressState.HOLDING)
 
     def permit(self, goal: float, now: float) -> None:
         """Raise DeviceFault if the joint is blocked on its way to ``goal``.
 
-        A goal in the other direction ends the blocked state, and so does any goal ``RETRY_AFTER`` seconds after the
-        last one. A joint that turned the wrong way has no other direction.
+        The joint is no longer blocked if ``goal`` is in the opposite direction, or if no command has come for
+        ``RETRY_AFTER`` seconds. For a joint that has turned the wrong way only the time counts.
         """
         if not self.blocked:
             return
@@ -161,7 +168,8 @@ class JointProgress:
     def update(self, here: float, load: float, stamp: float) -> str:
         """Handle a reading with position ``here``, ``load`` and time ``stamp``; return a new fault, or an empty string.
 
-        The fault is that the joint is blocked, turned the wrong way, runs away, or was pushed away.
+        ``load`` is the torque as a share of the stall torque. The fault is that the joint is blocked, turned the wrong
+        way, runs away, or was pushed away.
         """
         passed, self._stamp = min(max(stamp - self._stamp, 0.0), MAX_READING_GAP), max(stamp, self._stamp)
         is_held = self.state in (ProgressState.WRONG_WAY, ProgressState.WATCHED)
@@ -216,7 +224,10 @@ class JointProgress:
         self._stall_share += passed / max(BLOCKED_AFTER, 4 * RESOLUTION / max(self._speed, RESOLUTION))
 
     def _pushed_away(self, here: float) -> str:
-        """Return a message if the joint was pushed away, once until it is back; else an empty string."""
+        """Return a message if a joint at rest is pushed away from its goal; else an empty string.
+
+        The message is returned once; it can come again after the joint has been back at its goal.
+        """
         if self._stall_share < 1.0 or self._pushed:
             return ""
         self._pushed = True
@@ -229,6 +240,6 @@ class JointProgress:
         return self.blocked
 
     def _restart(self) -> None:
-        """Restart the measurement at the next reading."""
+        """Drop the measured progress; the next reading is the first one."""
         self._direction, self._pushed = 0, False
         self._near_goal_for = self._stalled_for = self._stall_share = 0.0

@@ -9,7 +9,7 @@ from drivers.errors import BadRequest
 
 
 def check_names(part: str, names: AbstractSet[str], joints: Mapping[str, object]) -> None:
-    """Raise BadRequest for names that are not in ``joints``."""
+    """Raise BadRequest for names that are not in ``joints``; ``part`` is the device in the message, such as "arm"."""
     if errors := _unknown_joints(names, joints):
         raise BadRequest(f"{part}: {'; '.join(errors)}")
 
@@ -17,9 +17,9 @@ def check_names(part: str, names: AbstractSet[str], joints: Mapping[str, object]
 def narrow_limits(
     part: str, limits: Mapping[str, JointLimits], widest: Mapping[str, JointLimits]
 ) -> Mapping[str, JointLimits]:
-    """Return ``limits`` clamped to the ``widest`` limits of those joints.
+    """Return ``limits`` by joint, clamped to the ``widest`` limits of the same joints.
 
-    Raises BadRequest for an unknown joint, and for an empty range.
+    Raises BadRequest for an unknown joint, and for limits that leave no range; ``part`` is the device in the message.
     """
     check_names(part, set(limits), widest)
     narrowed = {}
@@ -35,7 +35,10 @@ def narrow_limits(
 def check_move(
     part: str, goals: Mapping[str, float], speeds: Mapping[str, float], joints: Mapping[str, object]
 ) -> None:
-    """Raise BadRequest for a move of unknown joints, or with values that are not finite."""
+    """Raise BadRequest for a move of joints that are not in ``joints``, or with a goal or speed that is not finite.
+
+    ``goals`` and ``speeds`` are by joint; ``part`` is the device in the message.
+    """
     errors = _unknown_joints(goals.keys() | speeds.keys(), joints)
     for quantity, values in (("goal", goals), ("speed", speeds)):
         errors += [
@@ -46,7 +49,11 @@ def check_move(
 
 
 def check_couplings(part: str, couplings: Sequence[Coupling], joints: Mapping[str, object]) -> None:
-    """Raise BadRequest for couplings of unknown joints, with two leaders, or of joints that both lead and follow."""
+    """Raise BadRequest for invalid couplings, by which a follower joint copies the motion of a leader joint.
+
+    Couplings are invalid if a joint is unknown, has two leaders, or both leads and follows, and if a scale or offset is
+    not finite. ``part`` is the device in the message.
+    """
     errors = _unknown_joints({name for coupling in couplings for name in (coupling.leader, coupling.follower)}, joints)
     leaders = {coupling.leader for coupling in couplings}
     followers: set[str] = set()

@@ -1,6 +1,7 @@
 """Commands of the Kobuki protocol, encoded to bytes and decoded from bytes (protocol table of the vendor).
 
-Pure. Encode them with ``wire.encode``; the virtual base and tests decode them with ``wire.decode(payload, COMMANDS)``.
+The driver encodes them with ``wire.encode``; the virtual base and tests decode them with ``wire.decode(payload,
+COMMANDS)``. No I/O.
 """
 
 from collections.abc import Mapping
@@ -24,8 +25,7 @@ _NOTE_PERIOD = 0.00000275  # s
 class BaseControl(KobukiSubpayload):
     """Command to drive: ``speed_mm`` in mm/s and ``radius_mm`` in mm. Radius 0 is straight on, 1 turns on the spot.
 
-    A positive radius has its centre on the left. On a circle the speed is that of the outer wheel, with the sign of
-    the radius times that of the turn.
+    On a circle, a positive radius has its centre on the left. The speed is that of the outer wheel, positive forwards.
     """
 
     speed_mm: int

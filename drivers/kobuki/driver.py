@@ -57,7 +57,7 @@ STOP_REPEATS = 6
 """Number of copies of each stop command that are sent at once, in case the base misses one.
 
 If the header of a command is damaged, the base may take the next 256 bytes for its payload (see ``KobukiFrameFinder``).
-The stop commands of five renewals are more than that. Six copies are 60 bytes, 5 ms on the wire.
+Six copies are 60 bytes, 5 ms on the wire. So the base receives a stop command after five renewals at the latest.
 """
 
 QUERY_INTERVAL = 0.5

@@ -1,7 +1,7 @@
-"""Reports of the Kobuki: each sub-payload as a value, to and from bytes (protocol table of the vendor).
+"""Reports of the Kobuki: each sub-payload as an object, decoded from bytes and encoded to bytes.
 
-Pure. Fields are the raw integers of the wire, properties are in SI units. Decode with
-``wire.decode(payload, FEEDBACK)``; virtual base and tests encode with ``wire.encode``.
+It follows the protocol table of the vendor. Fields are the raw integers of the wire, properties are in SI units. The
+driver decodes with ``wire.decode(payload, FEEDBACK)``; virtual base and tests encode with ``wire.encode``. No I/O.
 """
 
 from collections.abc import Mapping
@@ -198,7 +198,7 @@ class RawGyro(KobukiSubpayload):
 
     @classmethod
     def unpack(cls, data: bytes) -> Self:
-        """Decode the data. Raises ValueError unless the count fits the length and is a multiple of 3."""
+        """Decode the data. Raises ValueError if the number of values in it is wrong, or not a multiple of 3."""
         if len(data) < 2 or data[1] % 3 or len(data) != 2 + 2 * data[1]:
             raise ValueError(f"raw gyro: {len(data)} bytes do not agree with their count")
         values = iter(unpack(f"<{data[1]}h", data[2:]))

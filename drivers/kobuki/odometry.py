@@ -20,7 +20,7 @@ wrapped.
 
 
 class KobukiOdometry(GyroOdometry):
-    """Odometry of a Kobuki from its reports. The pose is zero at the first report, at any heading of the gyro."""
+    """Odometry of a Kobuki from its reports. The pose is zero at the first report, whatever the gyro's heading is."""
 
     def __init__(self) -> None:
         super().__init__(WHEEL_SEPARATION)

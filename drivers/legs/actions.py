@@ -31,19 +31,23 @@ START_TOLERANCE = radians(6)
 """Radians by which each joint may differ from the start pose of a walk, so that the walk can begin at once."""
 
 MAX_START_DISTANCE = radians(62)
-"""Radians by which a joint may differ from the stand to be moved there directly."""
+"""Maximum difference in radians between any joint and its angle in a stand, for legs that move directly to the stand.
+"""
 
 MAX_POSE_DISTANCE = radians(20)
-"""Radians by which a joint may differ from a pose between upright and sit; all these poses keep the balance."""
+"""Maximum difference in radians between any joint and its angle in the nearest pose of ``StandSitPoses``.
+
+Legs within this distance move by that pose to a stand or a sit, and the body keeps its balance.
+"""
 
 MAX_APPROACH_SPEED = radians(35)
 """Maximum joint speed (rad/s) on the way to a stand or a sit."""
 
 MIN_APPROACH_TIME = 0.5
-"""Minimum seconds of the way to a stand or a sit."""
+"""Minimum duration in seconds of a motion to a stand or a sit."""
 
 HEIGHT_STEP = 0.003
-"""Metres of trunk height between two poses of ``StandSitPoses``."""
+"""Difference in metres between the trunk heights of two neighbouring poses of ``StandSitPoses``."""
 
 DEFAULT_SIT_SHARE = 0.7
 """Height of a sit as a share of the stand's, if the robot file has no ``stride.sit``."""
@@ -69,7 +73,7 @@ class Approach:
         return cls(poses, shares, now, now + max(MIN_APPROACH_TIME, 1.5 * float(far[-1]) / MAX_APPROACH_SPEED))
 
     def share(self, now: float) -> float:
-        """Return the elapsed share of the time, 0..1."""
+        """Return the share of the path's duration that has elapsed at ``now``, 0..1."""
         return min(1.0, (now - self.start_time) / (self.end_time - self.start_time))
 
     def angles_at(self, now: float) -> Floats:
@@ -213,7 +217,7 @@ class LegActions:
         return self._approach is not None or self._cycle is not None
 
     def request(self, act: str, gait: GaitKeys | None, now: float) -> float:
-        """Request an action until ``now`` plus ``COMMAND_TIMEOUT``; return its progress.
+        """Request an action such as ``stand`` until ``now`` plus ``COMMAND_TIMEOUT``; return its progress.
 
         The progress is a share, 1 at the end; for a gait, the number of cycles. Raises BadRequest for an unknown
         action.
@@ -229,11 +233,11 @@ class LegActions:
         return self._progress
 
     def cancel(self) -> None:
-        """Cancel the request: a gait fades out into a stand; a way to a stand or a sit stops where it is."""
+        """Cancel the request: a gait fades out into a stand; a motion to a stand or a sit stops where it is."""
         self._request = None
 
     def reset(self) -> None:
-        """Stop controlling the legs: they are not where they should be."""
+        """Stop controlling the legs at once, because they are not in the position that the action expects."""
         self._approach = self._cycle = None
         self.posture, self.speed = Poised.UNKNOWN, (0.0, 0.0)
 
@@ -249,8 +253,8 @@ class LegActions:
     def step(self, here: Floats, now: float, dt: float, *, walk: bool) -> LegPosture | None:
         """Advance by ``dt`` seconds from the legs' position ``here``; return the next posture.
 
-        Returns None if no action controls the legs. With ``walk``, the legs come to a stand first, and a requested
-        action is ignored.
+        Returns None if no action controls the legs. With ``walk`` a walk is requested: the legs come to a stand first,
+        and a requested action is ignored.
         """
         asked = self._request if self._request is not None and self._request.until >= now else None
         act = STAND if walk else "" if asked is None else asked.act
@@ -333,7 +337,8 @@ class LegActions:
 def make_posture(body: LeggedBody, angles: Floats, on_floor: tuple[bool, bool]) -> LegPosture:
     """Return the posture of the legs at ``angles`` (12,), with the point of pressure below the centre of mass.
 
-    The setpoint compensation needs it. ``on_floor`` says which soles, left and right, are on the floor.
+    ``drivers.legs.compensation`` computes joint torques from this point. ``on_floor`` says which soles, left and right,
+    are on the floor.
     """
     placed = forward_kinematics(body, whole_body_pose(body, angles))
     feet = {}

@@ -20,15 +20,18 @@ from drivers.legs.pattern_generator import GRAVITY, FloorPose, hull_edges, pendu
 # capture point will be by then.
 
 CAPTURE_DEADBAND = 0.012
-"""Error of the capture point in metres below which no correction is made, because the soles suffice."""
+"""Error of the capture point in metres below which the next landing is not corrected, since the ankles can correct it.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class BalanceGains:
-    """Gains of balance: ``ankle``, ``hip`` per radian of lean, ``damping`` per rad/s, ``step`` per m of capture error.
+    """Gains of the balance controller, from the lean of the trunk to corrections of joints and steps.
 
-    In the physics engine, corrections by the ankles prevented falls. Corrections of the steps have not helped yet, so
-    their gain is 0.
+    ``ankle`` and ``hip`` are radians of joint angle per radian of lean, ``damping`` is radians per rad/s. ``step`` is
+    metres of step per metre of error of the capture point. ``max_ankle`` and ``max_hip`` limit the corrections, in
+    radians. In the physics engine, corrections by the ankles prevented falls. Corrections of the steps have not helped
+    yet, so their gain is 0.
     """
 
     ankle: float = 0.3
@@ -71,7 +74,7 @@ def _clamp(value: float, most: float) -> float:
 
 
 MARGIN_CYCLES = 3
-"""Consecutive cycles for which margins are computed, so that the middle cycle has a whole one on either side."""
+"""Number of consecutive cycles for which margins are computed: the middle one is used, without effects of the ends."""
 
 Z = np.array([0.0, 0.0, 1.0])
 

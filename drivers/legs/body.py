@@ -37,7 +37,7 @@ class Trunk:
 class Leg:
     """A leg: indices of its six joints, hip turn to ankle roll, and its sole.
 
-    ``sole`` is the middle of the sole's lower face from the origin of the last joint.
+    ``sole`` is the position of the middle of the sole's lower face, relative to the origin of the last joint.
     """
 
     joints: tuple[int, ...]
@@ -144,11 +144,14 @@ def body_of(keys: BodyKeys) -> LeggedBody:
 
 
 def _axis(link: LinkKeys, *, flip: bool, turned: float) -> Floats:
-    """Return the axis of a joint. A mirrored rotation has the opposite sense about x and z."""
+    """Return the axis of a joint; with ``flip`` that of its mirror image, in which turns about x and z are reversed."""
     axis = np.array(AXES[link.axis[-1]]) * (-1.0 if link.axis.startswith("-") else 1.0)
     return -turned * MIRROR_SIGNS * axis if flip else axis
 
 
 def _mirror_sign(link: LinkKeys) -> float:
-    """Return the factor of a middle joint's angle in a mirror image: -1 for turn and roll, else 1."""
+    """Return the factor by which a mirror image multiplies the angle of a joint in the middle of the body.
+
+    It is -1 for turn and roll, else 1.
+    """
     return 1.0 if link.axis[-1] == "y" else -1.0

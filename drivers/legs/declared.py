@@ -68,7 +68,7 @@ class BodyKeys:
     foot: FootKeys = key(help="The left sole.")
 
     def mirror(self, name: str) -> str:
-        """Return the name of the right joint for that of a left one, and the same name for a middle joint."""
+        """Return the name of the right joint for the left joint ``name``; a joint in the middle keeps its name."""
         return self.right + name.removeprefix(self.left) if name.startswith(self.left) else name
 
     @property
@@ -84,7 +84,7 @@ class BodyKeys:
         return {self.mirror(name): image * angle for name, angle in left.items()} | left
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield links without a valid parent, and invalid legs."""
+        """Yield a diagnostic for each link without a valid parent, and for invalid legs."""
         if not self.left or self.left == self.right:
             yield KeyDiagnostic("'left' and 'right' must differ", ("left",), ("right",), about=(("left",), ("right",)))
         before = ["trunk"]
@@ -189,7 +189,7 @@ class LegsKeys(BaseKeys):
 
 
 def check_leg_joints(keys: LegsKeys, others: Mapping[str, object]) -> Iterator[KeyDiagnostic]:
-    """Yield joints of the body that the arm section lacks."""
+    """Yield a diagnostic for each joint of the body that is missing in the arm section of the robot file."""
     arm = others.get("arm")
     if not isinstance(arm, ArmKeys):
         message = "legs are joints of the arm section: this robot has none"

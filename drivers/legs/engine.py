@@ -1,4 +1,4 @@
-"""Walking engine: leg angles from the walking pattern, 100 times a second, without a clock."""
+"""Walking engine: computes the leg angles of a walk, 100 times a second; its caller passes the elapsed time."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -35,7 +35,8 @@ STAND_ITERATIONS = 2
 class AttitudeEstimate:
     """Measured attitude of the trunk: roll and pitch (radians from upright), and their rates (rad/s).
 
-    ``pressure`` is the point of pressure from the middle between both feet (m), if the soles measure it.
+    ``pressure`` is the point of pressure relative to the middle between both feet (m); None if the soles do not measure
+    it.
     """
 
     roll: float
@@ -66,9 +67,10 @@ class BalanceCorrection:
 
 @dataclass(frozen=True, slots=True)
 class LegPosture:
-    """Target of the legs: ``angles`` (12,) in the order of ``LeggedBody.leg_joints``, and their pattern.
+    """Target of the legs: ``angles`` (12,) in the order of ``LeggedBody.leg_joints``, and the ``pattern`` behind it.
 
-    ``refused`` is the reason why a foot cannot reach its place in the pattern; its leg keeps its last angles then.
+    ``pattern`` has the places of the feet. ``refused`` is the reason why a leg cannot reach its place; empty if both
+    can. Such a leg keeps its last angles.
     """
 
     angles: Floats
@@ -201,7 +203,10 @@ class WalkingEngine:
 
     @property
     def pose(self) -> tuple[FloorPose, tuple[float, float, float]]:
-        """Pose by the steps so far, without sway, and velocity: ahead, left (m/s), turn (rad/s)."""
+        """Pose of the robot on the floor after the steps so far, and its velocity: ahead, left (m/s), turn (rad/s).
+
+        The sway of the trunk from foot to foot is left out.
+        """
         return self.walker.pose
 
     def command(self, ahead: float, left: float, turn: float) -> tuple[float, float, float]:

@@ -20,7 +20,8 @@ FALLEN_LEAN = radians(50)
 """Lean of a fallen trunk from upright."""
 
 FALL_DEBOUNCE_TIME = 0.05
-"""Seconds for which the capture point must be out of reach: a landing foot jerks the trunk."""
+"""Seconds for which the capture point must be out of reach to count as a fall; a landing foot jerks the trunk briefly.
+"""
 
 UPRIGHT_DEBOUNCE_TIME = 0.5
 """Seconds for which a fallen body must be upright to count as standing."""
@@ -38,17 +39,26 @@ UNLOADED_SHARE, LOADED_SHARE = 0.25, 0.5
 """Shares of the earlier knee load below which the knees count as unloaded, and above which as loaded again."""
 
 UNLOADED_DEBOUNCE_TIME = 1.0
-"""Seconds for which the knees must be unloaded."""
+"""Seconds for which the knees must be unloaded to count as a fall, or be loaded again to count as standing."""
 
 MIN_KNEE_LOAD = 0.15
-"""Load that both knees together must have reported once; without a load each reports friction, about 0.05."""
+"""Minimum sum of the loads of both knees that shows that they carry the body, as a share of the stall torque.
+
+Falls are detected only after such a load. Knees without a load report about 0.05 each, by friction.
+"""
 
 MIN_BENT_SHARE = 0.5
-"""Share of the knee torque in a stand below which the knees are too straight to measure a load."""
+"""Minimum computed torque of the knees at which their load is used, as a share of the torque in a stand.
+
+Straighter knees carry the body almost without torque.
+"""
 
 
 class FallDetector:
-    """Detects falls of the body of an engine. Call ``update`` in every step. ``lean`` is None if it is not measured."""
+    """Detects falls of the body that ``engine`` moves. Call ``update`` in every step.
+
+    ``lean`` is the angle of the trunk from upright in radians, None if it is not measured. ``fallen`` is the result.
+    """
 
     def __init__(self, engine: WalkingEngine) -> None:
         manner, self._body = engine.walker.manner, engine.body
@@ -98,7 +108,11 @@ class FallDetector:
             self.fallen, self._since = fallen, now
 
     def _update_knee_load(self, joints: Sequence[JointState], now: float) -> None:
-        """Compare the knee load with its maximum so far; each is a share of the load computed for its pose."""
+        """Update ``fallen`` from the load of the knees, without an IMU.
+
+        The load is divided by the load that a standing body would have in the same pose, and compared with the maximum
+        of this ratio so far.
+        """
         if now - self._knee_load_at < KNEE_LOAD_INTERVAL:
             return
         since, self._knee_load_at = now - self._knee_load_at, now

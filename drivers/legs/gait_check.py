@@ -57,7 +57,10 @@ def capsules(body: LeggedBody) -> tuple[Capsule, ...]:
 
 @lru_cache(maxsize=16)
 def collision_pairs(body: LeggedBody) -> tuple[tuple[Capsule, Capsule], ...]:
-    """Return the capsule pairs that may collide: apart at angle 0, and not on neighbouring links."""
+    """Return the pairs of capsules that may collide.
+
+    They are on different links that are not joined, neither directly nor by links without a radius.
+    """
     near = {frozenset((place, parent)) for place, parent in enumerate(body.parent)}
     return tuple(
         (one, other)

@@ -25,7 +25,7 @@ UNREACHABLE_REASONS = (
 """Reasons why a pose of a foot is unreachable or not determined."""
 
 LENGTH_SLACK = 1e-12
-"""Metres by which a leg may be too short, for rounding errors."""
+"""Metres by which a leg may be too short and still reach its foot, to tolerate rounding errors."""
 
 MIN_ROLL_COSINE = 1e-7
 """Cosine of the hip's roll below which its turn is not determined."""

@@ -29,12 +29,12 @@ class WalkingBase(LegsBase):
     """A ``LegsBase`` that steps itself while it is open."""
 
     make_loop: LoopFactory = ThreadLoop
-    """Factory of the loop that steps it."""
+    """Factory of the loop that calls ``step`` of this base."""
     _loop: Loop | None = None
     _last_step_error = ""
 
     def open(self) -> None:
-        """Use the joints as soon as they are online. Does nothing while it is open."""
+        """Use the joints as soon as they are online. Does nothing if the base is already open."""
         super().open()
         if self._loop is None:
             self._loop = self.make_loop(f"{self.name} legs", self._run_step, ignore)

@@ -26,7 +26,10 @@ Point = tuple[float, float]
 
 
 def pendulum_rate(height: float) -> float:
-    """Return the pendulum rate w (1/s) of a centre of mass at a height (m)."""
+    """Return the rate in 1/s at which a body falls over like an inverted pendulum: the root of g / ``height``.
+
+    ``height`` is that of its centre of mass in metres.
+    """
     return sqrt(GRAVITY / height)
 
 
@@ -333,7 +336,7 @@ class WalkPatternGenerator:
     # --- steps --------------------------------------------------------------------------------------------------------
 
     def _first_step(self) -> _Step:
-        """Return the first step of a walk, with the foot on the side of the motion."""
+        """Return the first step of a walk, which swings the foot on the side to which the walk moves or turns."""
         aside = self.velocity_command[1] or self.velocity_command[2]
         swing: Side = "left" if aside > 0 or (aside == 0 and self._last_swing == "right") else "right"
         return self._make_step(swing, self._middle, self._middle.point, WEIGHT_SHIFT_TIME)
@@ -456,7 +459,10 @@ class WalkPatternGenerator:
 
     @property
     def pose(self) -> tuple[FloorPose, tuple[float, float, float]]:
-        """Pose by the steps so far, without sway, and velocity: ahead, left (m/s), turn (rad/s)."""
+        """Pose of the robot on the floor after the steps so far, and its velocity: ahead, left (m/s), turn (rad/s).
+
+        The sway from foot to foot is left out.
+        """
         step = self._step
         if step is None or step.swing is None:
             return self._middle, (0.0, 0.0, 0.0)

@@ -51,9 +51,9 @@ class SoundForwarder:
             send({"bytes": len(sound)}, sound)
 
     def wait_for_end(self, orders: int, timeout: float = SILENCE_TIMEOUT) -> str:
-        """Wait until the file descriptor ``orders`` reaches its end; return an empty text then.
+        """Wait until the file descriptor ``orders`` ends; return an empty text.
 
-        If no sound arrives for ``timeout`` seconds before, return a message that says so.
+        Return earlier, with a message, if no sound has arrived for ``timeout`` seconds.
         """
         before = -1
         while before != self.piece_count:

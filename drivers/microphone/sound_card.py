@@ -17,7 +17,7 @@ MAX_KEPT_SECONDS = 5.0
 """Seconds of sound that the buffer of the microphone holds."""
 
 MAX_LATENESS = 0.25
-"""Maximum seconds by which a piece of sound may arrive early or late; otherwise sound was lost before it."""
+"""Maximum difference in seconds between expected and actual arrival of a piece of sound; above it, sound was lost."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without sound after which the microphone counts as offline."""
@@ -32,8 +32,9 @@ class SoundCardMicrophone:
     """Microphone at the sound card: a ``drivers.api.Microphone``, recorded by a worker process.
 
     ``device`` is part of the name of the input device; empty for the system's default. ``backend`` is one of
-    miniaudio's, for tests. Stamps are computed from the number of samples, and follow the clock slowly, so they jitter
-    less than the arrival times. If no more sound arrives, a new worker process is started.
+    miniaudio's backends, such as ``null`` in tests. The time stamp of a piece of sound is computed from the number of
+    samples before it, and adjusted slowly to the arrival times, so it jitters less than these. If no more sound
+    arrives, a new worker process is started.
     """
 
     name = "microphone"
@@ -94,12 +95,12 @@ class SoundCardMicrophone:
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Start waiting for sound; recording begins at once."""
+        """Start the timeout for sound: the worker process has started, and records from now on."""
         with self._lock:
             self._last_sign_at = self._clock.now()
 
     def on_exit(self, reason: str) -> None:  # noqa: ARG002 - the worker reports it
-        """Store that the worker process has exited, so the next sound does not continue the previous one."""
+        """Mark a gap in the sound, because the worker process has exited."""
         with self._lock:
             self._next_stamp = self._last_sign_at = None
 

@@ -83,7 +83,7 @@ class HearingTwin(Generic[W]):
 
     People speak a word in 0.4 s. ``grammar`` finds the phrases of the mission in their replies, ``make_words`` makes
     the results. ``is_deaf(start, end)`` returns True if the robot itself speaks in that time. People wait until it is
-    False before they begin, and words during which it becomes True are lost. ``mishearing`` is the share of the other
+    False before they begin, and words during which it becomes True are lost. ``mishearing`` (0..1) is the share of
     phrases that are missed or mistaken for another phrase, at random. While ``hears_nothing`` is True, all speech is
     lost without an error. Call ``step`` every ``STEP_INTERVAL``; ``changed`` is called after new words.
     """

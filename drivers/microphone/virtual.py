@@ -16,7 +16,7 @@ from drivers.sound.cancel_token import CancelToken
 from drivers.sound.engines import SpeechEngine
 
 NOISE_LEVEL = 25.0
-"""Standard deviation of the noise of a quiet room, in steps of 16 bits."""
+"""Standard deviation of the noise of a quiet room, in units of 16-bit samples."""
 
 VOICE_GAIN = 0.4
 """Factor by which the synthesiser's samples are scaled, as for a person some way from the microphone."""
@@ -31,7 +31,7 @@ class VoicedMicrophone:
     """Simulated microphone: a ``drivers.api.Microphone`` that hears the replies of simulated people.
 
     ``engine`` synthesises the speech, ``voice_of(name)`` returns the voice of a person. ``is_deaf(start, end)`` returns
-    True if the robot itself speaks in that time; people wait for its end before they begin.
+    True if the robot itself speaks in that time; people begin to speak only after the robot has ended.
     """
 
     name = "microphone"

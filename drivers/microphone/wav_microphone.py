@@ -175,7 +175,7 @@ def _decode(data: bytes, form: WavFormat) -> "np.ndarray[tuple[int], np.dtype[np
 
 @cache
 def _expansion_table(encoding: int) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    """Return the 256 values of A-law or mu-law (ITU-T G.711)."""
+    """Return the sample values of the 256 bytes of A-law or mu-law sound (ITU-T G.711), in byte order."""
     byte = np.arange(256) ^ (0x55 if encoding == A_LAW else 0xFF)
     step, exponent = byte & 15, byte >> 4 & 7
     if encoding == A_LAW:

@@ -1,4 +1,4 @@
-"""Simulated car of a Raspberry Pi: nothing is measured."""
+"""Simulated car of a Raspberry Pi. It measures nothing, so its pose is dead reckoning."""
 
 from drivers.base.reckoning import TwoWheels
 from drivers.base.twin import BaseTwin, WheelTwinOdometry, make_wheel_base

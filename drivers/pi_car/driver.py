@@ -13,7 +13,7 @@ from drivers.transport import guardian_wire
 from drivers.transport.lines import LineFinder
 
 QUERY_INTERVAL = 0.02
-"""Seconds between two requests for a report, after which the setpoint is renewed."""
+"""Seconds between two requests for a report; the setpoint is sent again after each report."""
 
 
 class GuardianProtocol(DiffDriveProtocol):

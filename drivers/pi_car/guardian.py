@@ -213,7 +213,7 @@ POLL_INTERVAL = 0.02
 """Maximum seconds between two polls of the watchdog."""
 
 REST_TRIES = 3
-"""Number of stop commands to the actuators at the end."""
+"""Number of stop commands that are sent to the actuators before the guardian exits."""
 
 EXIT_AFTER = 5.0
 """Seconds of silence after which the process exits, since another program may need the pins."""

@@ -8,6 +8,6 @@ from drivers.virtual.guardian import VirtualServos, make_virtual_servos
 
 
 def make(keys: PiHeadKeys, context: SimContext) -> VirtualDevice:  # noqa: ARG001
-    """Return a virtual pan/tilt head on a PCA9685 that has been powered before."""
+    """Return a virtual pan/tilt head on a PCA9685 that still has the angles of an earlier program."""
     pan, tilt = make_servo_axis(keys.pan), make_servo_axis(keys.tilt)
     return make_virtual_servos(VirtualServos((pan.start_degrees, tilt.start_degrees)), pan, tilt, "pan_tilt")

@@ -31,9 +31,9 @@ EXIT_TIMEOUT = 1.0
 """Seconds in which the guardian must stop the actuators and exit, after its standard input has ended."""
 
 SKIPPED_STARTS = 8
-"""Number of attempts to start a guardian that are skipped after one exited with an error.
+"""Number of starts of a guardian that are left out after a guardian has exited with an error.
 
-So it is started again about every 5 s.
+So a guardian is started again about every 5 s, although the link tries more often.
 """
 
 

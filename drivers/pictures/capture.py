@@ -66,7 +66,7 @@ class FreshnessMonitor:
         return ("", "") if fault is None else (f"{self._name}: {fault.text}", fault.hint)
 
     def restart(self) -> None:
-        """Forget the history, because the camera was disconnected; others report that."""
+        """Forget the earlier pictures, because the camera was disconnected; the capture thread reports that."""
         self._sample = self._fault = None
         self._stamps.clear()
 
@@ -131,8 +131,8 @@ log = logging.getLogger(__name__)
 class CameraFeed(Protocol):
     """Source of pictures for a ``CaptureThread``. It may be missing, may end, and may be started again.
 
-    All methods are called from that thread. None may block inside a C library: a thread that is still blocked when
-    Python exits crashes the process.
+    All methods are called from the capture thread. They must not block inside a C library: a thread that is still
+    blocked when Python exits crashes the process.
     """
 
     @property
@@ -176,16 +176,16 @@ class CountingFeed(Protocol):
 
 
 _POLL_INTERVAL = 0.1
-"""Seconds between two checks of the clock while a recording waits for its next picture.
+"""Seconds of real time between two checks whether the next picture of a recording is due.
 
-The clock may be simulated, so its time may pass faster.
+The clock that decides this may be simulated, and run faster than real time.
 """
 
 _UNREAD_TIMEOUT = 1.0
-"""Seconds without a reader after which pictures are skipped."""
+"""Seconds after the last call of ``read`` after which pictures are skipped without decoding."""
 
 MAX_UNREAD_SKIP = 1_000_000
-"""Number of pictures to skip while no thread reads the camera: those of some hours."""
+"""Number of pictures to skip while no thread reads the camera, high enough for hours."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which a camera counts as offline."""
@@ -197,7 +197,7 @@ AGAIN_SUFFIX = " again"
 """Last word of the notice that a camera works again after a reported fault."""
 
 _JOIN_TIMEOUT = 5.0
-"""Seconds that ``stop`` waits for the thread, which may be decoding a picture."""
+"""Maximum seconds that ``stop`` waits for the capture thread to end, which may still be decoding a picture."""
 
 
 class CaptureThread:
@@ -354,7 +354,7 @@ class CaptureThread:
         return None
 
     def _skip_count(self) -> int:
-        """Return the number of next pictures that no reader needs."""
+        """Return for how many of the next pictures no call of ``read`` waits, so that they need not be decoded."""
         return max(0, self._last_read_number + 1 - self._frames) if self._was_read_recently() else MAX_UNREAD_SKIP
 
     def _update_skip_count(self) -> None:

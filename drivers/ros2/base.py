@@ -84,7 +84,7 @@ def parse_hazards(detections: Iterable[Any]) -> HazardReport:
 
 
 def _hazard_name(kind: int, frame: str) -> str:
-    """Return the name of a hazard other than a contact, also for types of newer firmware."""
+    """Return the name of a hazard that is not a contact; for an unknown type, the name has the number ``kind``."""
     if kind not in _HAZARD_NAMES:
         return f"{motion_fault.UNKNOWN} {kind}" + (f" ({frame:.40})" if frame else "")
     side = "" if kind == BACKUP_LIMIT else next((side for side in ("left", "right") if side in frame), "")
@@ -130,13 +130,17 @@ CONTACTS_TIMEOUT = 1.0
 """Seconds without a contact report after which a base with contact sensors is offline."""
 
 MAX_POSITION_JUMP = 0.3
-"""Tolerance in metres: a pose that is farther from the last one than the base can drive, shows a reset.
+"""Tolerance in metres of the change of the reported position between two odometry messages.
 
-After a reset of the odometry the pose is continued from the last one.
+A change above this tolerance and the distance that the base can drive meanwhile shows that the odometry was reset. The
+pose is then continued from the last one.
 """
 
 MAX_HEADING_JUMP = 0.5
-"""Tolerance in radians: a heading that differs more from the last one than the base can turn, shows a reset."""
+"""Tolerance in radians of the change of the reported heading between two odometry messages.
+
+A change above this tolerance and the angle that the base can turn meanwhile shows that the odometry was reset.
+"""
 
 MAX_PLAUSIBLE_VALUE = 1e6
 """Limit of plausible odometry, in metres, m/s and rad/s."""
@@ -154,9 +158,9 @@ STILL_TOLERANCE = 0.002
 """Speed in m/s, or metres between two messages, below which a base counts as at rest."""
 
 REPORTED_DRIFT = 0.01
-"""Drift of the heading in radians after which the changed origin of the pose is passed on for Nav2.
+"""Drift in radians removed from the heading after which the origin of the pose is passed on again, for goals of Nav2.
 
-The origin is the pose at which MissionTree's pose is 0, in the robot's odometry frame.
+The origin is the pose in the robot's odometry frame at which MissionTree's pose is 0. It turns when drift is removed.
 """
 
 STATUS_CHARGING = 1
@@ -318,7 +322,7 @@ class Ros2BaseProtocol(DiffDriveProtocol):
 
     @property
     def _has_two_publishers(self) -> bool:
-        """True if several nodes publish odometry, such as two robots of one name: then it is ignored."""
+        """True if several nodes publish odometry, such as two robots of the same name; then the odometry is ignored."""
         return len(self._remote_types.get("odom", ())) > 1
 
     def _parse_battery(self, message: Any) -> tuple[float, float, bool]:

@@ -19,7 +19,7 @@ from drivers.ros2.types import MalformedMessage, types
 IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 
 RECEIVE_TIMEOUT = 0.2
-"""Seconds to wait for a picture before it is checked again whether one is needed."""
+"""Maximum seconds of one wait for a picture; ``TopicFeed.grab`` waits repeatedly, for ``OFFLINE_TIMEOUT`` in all."""
 
 OFFLINE_TIMEOUT = 2.0
 """Seconds without a picture after which the topic is subscribed again."""
@@ -66,7 +66,7 @@ class TopicFeed:
 
     @property
     def hint(self) -> str:
-        """Command to type if no picture comes, after the reason why received messages are unusable, if there is one."""
+        """Command to type if no picture comes. If received messages are unusable, the reason comes before it."""
         why = self._faults.fault(0)
         return f"{why}; {topic_hint(self._channel.topic)}" if why else topic_hint(self._channel.topic)
 
@@ -115,7 +115,10 @@ class TopicFeed:
         ]
 
     def _handle_control_frame(self, channel: int, payload: bytes) -> bool:
-        """Handle a frame of the topic port that is about remote nodes; return False if it is a message instead."""
+        """Handle a control frame of the topic port, which tells about the publishers; return False for other frames.
+
+        Other frames are messages with pictures.
+        """
         if channel == wire.ABOUT_CHANNEL:
             self._kind = next(iter(wire.parse_about(payload)[1]), self._kind)
         elif channel == wire.MISMATCH_CHANNEL:

@@ -98,7 +98,7 @@ class Ros2Graph:
         self._loop.start()
 
     def rest(self) -> None:
-        """Cancel all actions that were started here."""
+        """Cancel all actions that were started by this object."""
         self.stop()
 
     def close(self) -> None:
@@ -201,11 +201,11 @@ class Ros2Graph:
         self._requests.cancel(number)
 
     def has_goal(self) -> bool:
-        """Return True if an action that was started here may still be active."""
+        """Return True if an action that was started by this object may still be active."""
         return self._requests.has_goal()
 
     def stop(self) -> None:
-        """Cancel all actions that were started here."""
+        """Cancel all actions that were started by this object."""
         self._requests.cancel_all()
 
     # --- the thread ---------------------------------------------------------------------------------------------------

@@ -60,9 +60,9 @@ A goal within this time after another clamped one is not reported.
 
 @dataclass(frozen=True, slots=True)
 class TopicJoint:
-    """A joint of ROS 2: its name there, its ``limits``, and its ``direction``.
+    """A joint of a robot with ROS 2: its name in ROS 2, its ``limits``, and its ``direction``.
 
-    The direction is -1 if the angle in ROS 2 rises in the opposite direction to ours.
+    The direction is -1 if the angle in ROS 2 rises when the angle in the robot file falls.
     """
 
     ros_name: str
@@ -151,7 +151,7 @@ class JointFeedback:
     def __init__(self, joints: Mapping[str, TopicJoint]) -> None:
         self._joints = joints
         self.unread_joints: set[str] = set()
-        """ROS names of the joints whose newest position is not a number."""
+        """Names in ROS 2 of the joints whose newest position is not a number (NaN)."""
         # Replaced, never modified: any thread may read it.
         self._latest: Mapping[str, tuple[float, float, float]] = {}  # position, velocity, time
 
@@ -211,7 +211,7 @@ class JointFeedback:
         """Return the state of a joint that follows ``trajectory`` (None: not commanded).
 
         It is stale if the part is not ``online`` or the reading is old. ``blocked`` is the reason why the joint is
-        blocked. Values that JointState lacks are 0.
+        blocked. Load, voltage and temperature are always 0.
         """
         if name not in self._latest:
             return Reading(None, now, Quality.NONE)

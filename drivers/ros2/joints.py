@@ -47,7 +47,7 @@ RENEWAL_INTERVAL = 0.05
 """Seconds between two trajectories that are sent while joints move."""
 
 MAX_TRACKING_ERROR = 0.2
-"""Difference in radians between setpoint and measured position above which a new motion starts at the latter."""
+"""Difference in radians between setpoint and measured position above which a new motion starts at the measured one."""
 
 
 class TopicJoints(LatchingPart):
@@ -151,16 +151,19 @@ class TopicJoints(LatchingPart):
                     self._report_unheld(names)
 
     def relax(self, joints: Collection[str] | None = None) -> None:
-        """Hold the named joints, and report that ROS 2 cannot switch their torque off. Safe as ``hold``."""
+        """Hold the named joints (None: all), and report that ROS 2 cannot switch their torque off.
+
+        Raises BadRequest for an unknown joint.
+        """
         names = list(self._joints) if joints is None else list(joints)
         self.hold(names)
         if names:
             self._report(DeviceStatus(self.name, "fault", f"{', '.join(names)} {NO_TORQUE_OFF}", NO_TORQUE_OFF_HINT))
 
     def follow(self, couplings: Sequence[Coupling]) -> None:
-        """Couple the following joints to the leading ones; () ends all couplings.
+        """Couple follower joints to leader joints, whose motion they copy; () ends all couplings.
 
-        Raises BadRequest for invalid couplings, and NotConnected if there are any.
+        Raises BadRequest for invalid couplings, and NotConnected while offline unless ``couplings`` is empty.
         """
         check_couplings(self.name, couplings, self._joints)
         with self._lock:
@@ -171,7 +174,10 @@ class TopicJoints(LatchingPart):
             self.hold(freed)
 
     def recover(self) -> tuple[str, ...]:
-        """Release the latch; return no joints, since ROS 2 does not report shutdowns. Raises NotConnected."""
+        """Release the latch. Raises NotConnected.
+
+        Returns no joints: the result is for joints that had shut down, and ROS 2 does not report shutdowns.
+        """
         self._require_online()
         self._reconnect.enable()
         return ()
@@ -179,7 +185,7 @@ class TopicJoints(LatchingPart):
     # --- life --------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Start connecting to its topics; returns at once."""
+        """Start connecting to the topics of the joints; returns at once."""
         self._reconnect.restart()
         self._link.open(self)
 
@@ -252,7 +258,7 @@ class TopicJoints(LatchingPart):
                 self._send(now)
 
     def on_closing(self) -> None:
-        """Hold all joints, unless all setpoints were already sent."""
+        """Hold all joints if any is still on the way to its goal."""
         if not self._all_sent:
             self.hold()
 
@@ -278,7 +284,10 @@ class TopicJoints(LatchingPart):
         self._report(DeviceStatus(self.name, "online", f"{self._channels[0].topic}: all joints are online"))
 
     def _on_offline(self, now: float) -> None:
-        """Store that the part is offline: nothing is sent, and each joint ends its last trajectory."""
+        """Report that the part is offline, and send nothing more.
+
+        The joints still finish the last trajectories that they have received.
+        """
         self._is_online, self._all_sent = False, True
         detail, hint = self._offline_reason(now)
         self._report(DeviceStatus(self.name, "offline", detail, hint))

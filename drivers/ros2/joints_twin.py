@@ -66,7 +66,7 @@ class Ros2HeadTwin(NeckTwin):
     """Simulated head of ROS 2: a ``NeckTwin`` that opens, steps and closes its own joints."""
 
     def open(self) -> None:
-        """Connect at once, unless it is unplugged."""
+        """Connect at once, unless the simulated plug is pulled."""
         self._joints.open()
         super().open()
 

@@ -150,7 +150,7 @@ class Ros2Head(NeckDriver):
     _joints: TopicJoints
 
     def open(self) -> None:
-        """Start connecting to its topics; returns at once."""
+        """Start connecting to the topics of the joints; returns at once."""
         self._joints.open()
         super().open()
 
@@ -246,7 +246,10 @@ def arm_joints(keys: Ros2ArmKeys) -> Mapping[str, TopicJoint]:
 
 
 def head_joints(keys: Ros2HeadKeys) -> Mapping[str, TopicJoint]:
-    """Return the joints of a head with a range of a full turn: its axes have the limits and the trim."""
+    """Return the joints of a head, each with a full turn as its limits.
+
+    The axes of the head apply the limits and the trim of the robot file.
+    """
     limits = JointLimits(-pi, pi, keys.speed)
     return {axis.joint: TopicJoint(axis.joint, limits, -1 if axis.reverse else 1) for axis in (keys.pan, keys.tilt)}
 

@@ -108,7 +108,7 @@ NO_ATTACHMENT = "without rmw_zenoh's attachment, ignored; is its node started wi
 class Ros2Node:
     """Our ROS 2 node ``name`` on a Zenoh ``session`` that the caller owns. Thread-safe.
 
-    ``version`` is incremented whenever another node, or a topic or service of one, appears or disappears.
+    ``version`` is incremented whenever another node appears or disappears, or a topic or service of another node.
     """
 
     def __init__(
@@ -236,7 +236,7 @@ class Ros2Node:
     def call(self, server: Entity, payload: bytes, on_reply: ReplyHandler, *, timeout: float) -> None:
         """Send a request to a discovered ``server``; ``on_reply`` is called once, after ``timeout`` seconds at most.
 
-        It gets None if there is no reply. Raises NotConnected if the session is gone.
+        Its argument is the reply, None if there is no reply. Raises NotConnected if the session is gone.
         """
         with self._lock:
             self._last_number += 1
@@ -295,7 +295,7 @@ class Ros2Node:
         self._undeclare_all(gone)
 
     def close(self) -> None:
-        """Undeclare all entities, so that other nodes see it disappear."""
+        """Undeclare all entities of this node, so that other nodes see that it is gone."""
         with self._lock:
             gone, self._declarations = [each for _, each in self._declarations], []
         self._undeclare_all(gone)
@@ -306,7 +306,10 @@ class Ros2Node:
                 each.undeclare()
 
     def make_attachment(self, number: int, gid: bytes) -> bytes:
-        """Return the attachment of a message that is sent now."""
+        """Return the attachment of a message that is sent now.
+
+        It has the sequence ``number`` of the message and the id ``gid`` of the sender.
+        """
         return Attachment(number, unix_time_ns(), gid, self._names_attachments).pack()
 
     # --- the inside ---------------------------------------------------------------------------------------------------

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 # Filter of received messages: each once, in order, and none that was delayed for long.
 
 MAX_LATENESS = 0.5
-"""Seconds of delay beyond the smallest delay of its sender, above which a message is rejected."""
+"""Seconds by which the delay of a message may exceed the smallest delay from the same sender; above it, it is rejected.
+"""
 
 CLOCK_JUMP_TIMEOUT = 1.0
 """Seconds in which all messages of a sender were late, after which its clock is assumed to have been set."""
@@ -54,7 +55,7 @@ class MessageFilter:
         return sum(now - each.last_received_at < SENDER_TIMEOUT for each in list(self._senders.values()))
 
     def accepts(self, attachment: Attachment, now: float) -> bool:
-        """Return True unless the message with this attachment, received at ``now``, must be rejected."""
+        """Return False if the message with this attachment, received at ``now``, must be rejected; else True."""
         self.count += 1
         shift = now - attachment.sent_at / 1e9  # two clocks: only differences count
         known = self._senders.get(attachment.gid)

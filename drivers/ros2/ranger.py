@@ -29,7 +29,7 @@ OFFLINE_TIMEOUT = 1.0
 MAX_BEAMS = 10_000
 
 MAX_SCAN_ANGLE = 1.05 * tau
-"""Maximum angle of a scan in radians: a few rays of the next turn may be included."""
+"""Maximum angle of a scan in radians, a little more than a turn: some drivers add a few rays of the next turn."""
 
 END_TOLERANCE = 0.02
 """Tolerance of the last angle of a scan, as a share of the number of its rays, since the motor speed varies."""
@@ -75,11 +75,11 @@ class Ros2Ranger:
         return latest if now - latest.stamp <= STALE_AFTER else replace(latest, quality=Quality.STALE)
 
     def open(self) -> None:
-        """Start connecting to its topic; returns at once."""
+        """Start connecting to the topic of the scans; returns at once."""
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: a range finder moves nothing of the robot."""
+        """Do nothing: a range finder has no actuator."""
 
     def close(self) -> None:
         """Disconnect. Safe from any state, more than once."""
@@ -122,7 +122,7 @@ class Ros2Ranger:
                 self._faults.add(channel, error)
 
     def on_poll(self) -> None:
-        """Do nothing: late scans are detected on request."""
+        """Do nothing: ``scan`` and ``health`` detect late scans when they are called."""
 
     def on_closing(self) -> None:
         """Do nothing: there is nothing to stop."""
@@ -216,7 +216,10 @@ def measured_ranges(message: Any, least: float, most: float) -> Ranges:
 
 
 def _check_unmeasured(ranges: Ranges, least: float, most: float) -> None:
-    """Raise ValueError for a scan without any measurement, unless its rays mean that no obstacle is in range."""
+    """Check a scan without any measured distance.
+
+    Raises ValueError unless its rays say that there is no obstacle in the measuring range.
+    """
     finite = ranges[np.isfinite(ranges)]
     far, near = finite[finite > most], finite[(finite > 0) & (finite < least)]
     if len(far) and far.min() != far.max():

@@ -300,7 +300,10 @@ class RequestTracker:
             self._set_progress(request, GoalState.FAILED, f"{request.name}: its server no longer knows this goal")
 
     def _cancel_again(self, request: _Request, node: Ros2Node | None, now: float) -> None:
-        """Send the cancel of a request again if it may be lost or the goal is orphaned, and its server exists."""
+        """Send the cancel of a request again, if the last one may be lost and the server exists.
+
+        An orphaned goal is cancelled in this way as well.
+        """
         with self._lock:
             due = request.phase in (GoalPhase.CANCEL_DUE, GoalPhase.ORPHANED)
             if not due or node is None or now - request.cancel_sent_at <= CANCEL_RETRY_INTERVAL:

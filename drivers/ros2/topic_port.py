@@ -1,7 +1,7 @@
 """Port of a part to its ROS 2 topics, for a ``drivers.transport.link.SerialLink``.
 
 The link reads and writes frames (``drivers.ros2.wire.frame``). A frame is a message of one of the topics (channels), or
-a control frame about the nodes at the other end.
+a control frame about the nodes that publish or subscribe to these topics.
 """
 
 from collections import deque
@@ -22,7 +22,7 @@ RETRY_INTERVAL = 0.1
 """Seconds between attempts to reach a session."""
 
 ROUTER_PORT = 7447
-"""Default port number of Zenoh routers. The link has it in the place of a baud rate."""
+"""Default port number of Zenoh routers. It is passed to the link as baud rate, which a topic port does not have."""
 
 GetNode = Callable[[str], Ros2Node]
 """Function that returns our ROS 2 node. Its argument is the part named in the error. Raises NotConnected."""
@@ -128,7 +128,7 @@ class TopicPort:
         return heard
 
     def _update_remotes(self) -> None:
-        """Queue control frames if the nodes at the other end have changed.
+        """Queue control frames if other nodes have begun or ended to publish or subscribe to the topics.
 
         A frame has the types of the subscribers, or the type of the publishers as often as there are publishers.
         """
@@ -144,7 +144,7 @@ class TopicPort:
                     self._announce(number, there[:1] * max(senders, self._bridge_counts.get(number, 0), 1))
 
     def _find_remotes(self, number: int, channel: TopicChannel) -> None:
-        """Find the subscribers or publishers of a channel, and announce their types.
+        """Find the nodes that subscribe to (or publish) the topic of a channel, and announce their types.
 
         Commands are sent to every subscriber, whatever its type hash.
         """
@@ -178,9 +178,9 @@ class TopicPort:
 
 
 def absent_error(part: str, channel: TopicChannel, reason: str = "") -> NotConnected:
-    """Return the error for a channel without a node at its other end.
+    """Return the error for a command topic without a subscriber, or another topic without a publisher.
 
-    ``reason`` is the reason why the nodes there are unusable; empty if there are none.
+    ``reason`` is the reason why the existing nodes are unusable; empty if there are none.
     """
     if reason:
         return NotConnected(f"{part}: {reason}", hint=topic_hint(channel.topic))

@@ -60,7 +60,7 @@ class Ros2Twin:
         self._goals: dict[int, _NavigationGoal] = {}
 
     def open(self) -> None:
-        """Connect at once, unless it is unplugged."""
+        """Connect at once, unless the simulated plug is pulled."""
         self.plug.open()
 
     def rest(self) -> None:
@@ -74,7 +74,7 @@ class Ros2Twin:
         self.plug.close()
 
     def health(self) -> Health:
-        """Return whether it is connected."""
+        """Return whether the simulated nodes are connected."""
         return self.plug.health({})
 
     def nodes(self) -> int:
@@ -181,7 +181,7 @@ def graph(keys: ZenohKeys, stage: SimContext) -> Ros2Twin:
 
 
 def base(keys: Ros2BaseKeys, stage: SimContext) -> BaseTwin:
-    """Return the simulated base: with a Kobuki's contacts if it has hazards, else without contacts."""
+    """Return the simulated base. It has the contacts of a Kobuki if the robot file has the key ``hazards``."""
     if keys.hazards:
         twin = make_twin(keys, stage)
         twin.body.backup_limit = BackupLimit()

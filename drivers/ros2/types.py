@@ -137,7 +137,7 @@ class TypeRegistry:
             self._store.fielddefs[name] = (constants, [_char_to_uint8(each) for each in fields])
 
     def is_known(self, name: str) -> bool:
-        """True if the type is known, also for services and actions."""
+        """True if ``name`` is a known type of a message, a service or an action."""
         try:
             self._require_type(name)
         except BadRequest:
@@ -193,7 +193,10 @@ class TypeRegistry:
             self._store.get_msgdef(self._require_type(name))
 
     def encode(self, name: str, values: Mapping[str, object]) -> bytes:
-        """Return a message with these values, others zero. Raises BadRequest for values that do not fit the type."""
+        """Return a message with these values; all other fields are zero or empty.
+
+        Raises BadRequest for values that do not fit the type.
+        """
         try:
             made = self._make_message(self._require_type(name), values, name)
             return bytes(self._store.serialize_cdr(made, name, little_endian=True))

@@ -52,8 +52,8 @@ DOCK = "irobot_create_msgs/action/Dock"
 class VirtualNav2:
     """Simulated Nav2: executes goals of three actions by driving the virtual ``base``.
 
-    ``names`` are those of the actions to a pose, through poses, and onto the ``dock``. If ``rejects_goals`` is True,
-    all goals are rejected.
+    ``names`` are the names of the three actions: drive to a pose, drive through poses, and drive onto the ``dock``. If
+    ``rejects_goals`` is True, all goals are rejected.
     """
 
     def __init__(self, base: VirtualRos2Base, names: tuple[str, str, str], dock: WorldDock | None = None) -> None:

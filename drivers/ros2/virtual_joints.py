@@ -43,7 +43,7 @@ class VirtualJoints(VirtualTopics):
         super().__init__(channels)
         self.shafts = {joint.ros_name: Shaft(0.0, 0.0, MAX_MOTOR_SPEED) for joint in joints.values()}
         self.is_silent = False
-        """True while it publishes no states, but still receives commands."""
+        """True while the joints publish no states, but still receive commands."""
         self.command_count = 0
         self._rates = rates
         self._points: list[tuple[float, dict[str, float]]] = []  # time, and angle of each joint

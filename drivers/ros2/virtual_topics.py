@@ -1,4 +1,4 @@
-"""Virtual devices of a robot with ROS 2, at the remote end of their topics: base, range finder, camera."""
+"""Virtual base, range finder and camera of a robot with ROS 2: they exchange messages with the driver over topics."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, sin
@@ -48,7 +48,7 @@ class VirtualTopics:
     def __init__(self, channels: Sequence[TopicChannel]) -> None:
         self.channels = list(channels)
         self.is_stalled = False
-        """True while it sends and receives nothing, like a stalled link."""
+        """True while the device sends and receives no messages, like a stalled connection."""
         self._finder = wire.TopicFrameFinder()
         self._lock = RLock()
         self._discovery_requested = False

@@ -35,7 +35,7 @@ _FRAME = struct.Struct("<HI")
 _NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
 
 ABOUT_CHANNEL = 0xFFFF
-"""Channel number of control frames about the nodes at the other end of a channel."""
+"""Channel number of control frames about the nodes that publish or subscribe to the topic of a channel."""
 
 MISMATCH_CHANNEL = 0xFFFE
 """Channel number of control frames about nodes that use another type under the name of a topic."""
@@ -163,8 +163,8 @@ def _demangle(name: str) -> str:
 class Attachment:
     """Attachment of a message in `rmw_zenoh`: sequence number, send time (ns since 1970), and id of the sender.
 
-    ``has_names`` is True for the form before version 0.2.4, in which the name of each field precedes it. An attachment
-    must have the form that the receiver uses.
+    ``has_names`` is True for the form before version 0.2.4, in which the name of each field precedes its value. Sender
+    and receiver must use the same form.
     """
 
     number: int
@@ -204,7 +204,10 @@ def frame(channel: int, payload: bytes, kind: int = 0) -> bytes:
 
 
 def about_frame(channel: int, *kinds: str) -> bytes:
-    """Return a control frame with the types of the nodes at the other end of ``channel``; no types without nodes."""
+    """Return a control frame with the types by which nodes publish or subscribe to the topic of ``channel``.
+
+    It has no types if there are no such nodes.
+    """
     return frame(ABOUT_CHANNEL, struct.pack("<H", channel) + " ".join(kinds).encode())
 
 
@@ -221,7 +224,7 @@ def parse_mismatch(payload: bytes) -> tuple[int, str]:
 
 
 DISCOVERY_REQUEST = frame(ABOUT_CHANNEL, b"")
-"""Frame that requests control frames about the nodes at the other end of every channel."""
+"""Frame that requests control frames about the nodes that publish or subscribe to the topics of all channels."""
 
 
 def parse_about(payload: bytes) -> tuple[int, tuple[str, ...]]:

@@ -28,7 +28,7 @@ SECTOR_WIDTH = 10
 """Degrees: a complete turn has a measurement in every sector of this width, except for ``MAX_LOST_SECTORS``."""
 
 MAX_LOST_SECTORS = 4
-"""Maximum number of sectors without a measurement in a complete turn, since bytes may be lost on the wire."""
+"""Maximum number of sectors without a measurement in a turn that counts as complete; bytes may be lost on the wire."""
 
 MAX_NODES = 8000
 """Maximum number of buffered nodes (four seconds) if the nodes that mark the start of a turn are lost."""
@@ -123,7 +123,7 @@ EXPRESS_TIMEOUT = 1.0
 """Seconds without a complete turn after which an express scan with lost bytes is replaced by a plain scan."""
 
 SCAN_TIMEOUT = 3.0
-"""Seconds without a complete turn after which the scan is restarted: a motor needs two to reach its speed."""
+"""Seconds without a complete turn after which the scan is restarted: a motor needs 2 s to reach its speed."""
 
 RETRY_INTERVAL = 1.0
 """Seconds from a fault, such as a missing reply, to the next start; the motor is stopped in between."""
@@ -198,7 +198,7 @@ class RPLidar:
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: a range finder moves nothing of the robot, and continues to measure."""
+        """Do nothing: a range finder has no actuator, and continues to measure."""
 
     def close(self) -> None:
         """Stop the motor, end the thread and release the port. Safe from any state, more than once."""
@@ -286,7 +286,7 @@ class RPLidar:
             raise NoReply(message, hint="does its head turn? check its belt, and the power of its USB port")
 
     def _fail(self, error: DriverError) -> None:
-        """Report a fault unless it was the last one, and restart the session after ``RETRY_INTERVAL``."""
+        """Report a fault if it differs from the last one, and restart the session after ``RETRY_INTERVAL``."""
         if str(error) != str(self._trouble):
             kind = "fault" if isinstance(error, DeviceFault) else "offline"
             self._report(DeviceStatus(self.name, kind, str(error), error.hint))

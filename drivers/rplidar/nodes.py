@@ -15,13 +15,13 @@ NODE_SIZE = 5
 """Bytes of a node."""
 
 STEPS_PER_TURN = 360 * 64
-"""Steps of the angle in a turn."""
+"""Number of angle steps of 1/64 degree in a full turn."""
 
 MIN_NODES_IN_ROW = 4
 """Number of consecutive nodes after which bytes count as synchronised again."""
 
 _ROW_SPAN = NODE_SIZE * (MIN_NODES_IN_ROW - 2)
-"""Bytes from the first to the last pair of consecutive nodes in a row of ``MIN_NODES_IN_ROW`` nodes."""
+"""Distance in bytes from the first to the last but one of ``MIN_NODES_IN_ROW`` consecutive nodes."""
 
 MAX_ANGLE_STEP = 30 * 64
 """Maximum difference of the angles of two consecutive nodes, in 1/64 degree.
@@ -30,7 +30,7 @@ An A1 corrects the angle of a beam by its distance, so at the edge of an object 
 """
 
 SEARCH_WINDOW = 256
-"""Number of bytes that are searched at once for a row of nodes. Usually the row is in the first few."""
+"""Number of positions that are searched at once for a row of nodes, which is usually at one of the first."""
 
 Bytes = npt.NDArray[np.uint8]
 Flags = npt.NDArray[np.bool_]

@@ -213,7 +213,7 @@ class VirtualRPLidar:
         return b""
 
     def _execute_newer(self, command: int, payload: bytes, now: float) -> bytes:
-        """Return the reply to a command of the firmware versions 1.17 and 1.24."""
+        """Return the reply to a command that firmware 1.17 or 1.24 has added; empty for other commands."""
         match command:
             case RPLidarCommand.EXPRESS if self._is_working and payload[:1] in (b"\0", b"\1"):
                 self._begin(now, express=True)

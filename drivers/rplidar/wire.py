@@ -42,7 +42,7 @@ _PWM = Struct("<H")
 
 
 def request(command: int, payload: bytes = b"") -> bytes:
-    """Return the bytes of a request. Raises ValueError if ``command`` takes no payload, or it is too long."""
+    """Return the bytes of a request. Raises ValueError for a payload that is too long or not taken by ``command``."""
     if command < _WITH_PAYLOAD:
         if payload:
             raise ValueError(f"RPLIDAR command {command:#x} takes no payload")

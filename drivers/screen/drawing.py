@@ -263,7 +263,10 @@ BERNSTEIN = np.stack(
 
 FONT = cv2.FONT_HERSHEY_DUPLEX
 CAPITAL_HEIGHT = 22.0
-"""Height of a capital of this font at scale 1, in pixels; for most other fonts it is 0.73 of their size."""
+"""Height of a capital letter of OpenCV's font ``FONT`` at scale 1, in pixels.
+
+In most other fonts a capital letter has 0.73 of the font size.
+"""
 
 
 def face_image(face: FaceExpression, text: str, size: tuple[int, int]) -> Image:
@@ -316,7 +319,7 @@ def _colour(written: str) -> tuple[int, int, int]:
 
 
 def _blend_with_background(written: str, opacity: float) -> tuple[float, float, float]:
-    """Return a colour blended with the night background."""
+    """Return the colour ``written`` (``#rrggbb``) with this opacity over the dark background, as blue, green, red."""
     blue, green, red = (
         opacity * front + (1 - opacity) * back for front, back in zip(_colour(written), _colour(NIGHT), strict=True)
     )

@@ -54,7 +54,7 @@ class PrintedScreen(BaseScreen):
             self._out(f"face: {mood}")
 
     def show(self, text: str) -> None:
-        """Print a new text, unless it is empty."""
+        """Print ``text`` if it is new and not empty."""
         new = text != self.content().text
         super().show(text)
         if new and text and self._open:

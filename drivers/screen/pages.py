@@ -181,7 +181,10 @@ class PageScreen(BaseScreen):
             self._port_thread.start()
 
     def close(self) -> None:
-        """Rest, send the resting face, and free the port. Safe from any state, more than once."""
+        """Show the resting face on all open pages, disconnect them, and free the port.
+
+        Safe from any state, more than once.
+        """
         self.rest()
         self._is_open = False
         self._end_requested.set()
@@ -191,7 +194,7 @@ class PageScreen(BaseScreen):
         self._server.close()
 
     def health(self) -> Health:
-        """Return whether it is open, the reason if the page is not served, and the number of listening pages."""
+        """Return whether the screen is open, the reason if its page is not served, and the number of open pages."""
         counters = {"pages": self._server.listeners}
         if self.address:
             return Health(True, counters=counters)

@@ -50,7 +50,10 @@ class PageRequestHandler(BaseHTTPRequestHandler):
         """Log nothing: the terminal belongs to the mission."""
 
     def _is_cross_site(self) -> bool:
-        """True if a page of another server sends the request: ``Sec-Fetch-Site``, in old browsers ``Origin``."""
+        """True if the request comes from a page of another server.
+
+        Browsers say so in the header ``Sec-Fetch-Site``, old ones in ``Origin``.
+        """
         if self.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
             return True
         origin = self.headers.get("Origin")

@@ -30,7 +30,7 @@ MAX_LISTENERS = 4
 """Maximum number of pages that listen to the events at the same time."""
 
 REQUEST_TIMEOUT = 5.0
-"""Seconds for a request and its answer, at any speed of the browser."""
+"""Seconds in which a request must arrive and be answered; a connection with a slower browser is closed."""
 
 RETRY_INTERVAL = 0.1
 """Seconds for which no connection is accepted after the process ran out of file descriptors."""
@@ -109,13 +109,13 @@ class PageServer:
         return 0 if self._server is None else len(self._server.connections.listeners)
 
     def open(self, host: str, port: int) -> None:
-        """Serve at this port, 0 for any free one. Raises OSError if that is not possible."""
+        """Serve the documents at ``port``, 0 for any free port. Raises OSError if the port cannot be opened."""
         self._server = PageTcpServer((host, port), self._site, self._news, self._events)
         self._thread = Thread(target=self._server.serve_forever, args=(0.1,), name="page server", daemon=True)
         self._thread.start()
 
     def close(self) -> None:
-        """Send the last news, close all connections, and free the port. Safe more than once."""
+        """Send the last event to the listeners, close all connections, and free the port. Safe more than once."""
         server, self._server = self._server, None
         if server is None or self._thread is None:
             return
@@ -127,7 +127,7 @@ class PageServer:
 
 
 class PageTcpServer(ThreadingTCPServer):
-    """TCP server of a page: accepts connections, each with a thread that ends with ``close_connections``."""
+    """TCP server of a page: answers each connection on a thread, until ``close_connections`` is called."""
 
     allow_reuse_address = True
     daemon_threads = True

@@ -102,7 +102,10 @@ class EspeakEngine(WorkerClient):
 
 
 class PiperEngine:
-    """The user's program ``piper`` with the voice in the file ``model``, whose sample rate is in MODEL.json."""
+    """Text-to-speech engine that runs the user's program ``piper`` with the voice in the file ``model``.
+
+    The sample rate of the voice is read from the file with the same name and ``.json`` added.
+    """
 
     plays_sound = False
     failure_reason = ""

@@ -93,7 +93,7 @@ class EspeakLibrary:
         return int(self._library.espeak_SetVoiceByName(name.encode())) == 0
 
     def speak(self, text: str, speed: int) -> bool:
-        """Synthesise a text; return False if it became obsolete."""
+        """Synthesise a text; return False if it was stopped because ``is_obsolete`` returned True."""
         self._abandoned = False
         self.sound.clear()
         self.phonemes.clear()

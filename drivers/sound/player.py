@@ -122,7 +122,7 @@ class SoundPlayer(WorkerClient):
             listener(self._sound_started_at, seconds)
 
     def _wait_for_end(self, token: CancelToken, seconds: float) -> bool:
-        """Wait for the start and the end of the sound that was sent."""
+        """Wait until the sound that was sent has started and ended; return False if it was cancelled."""
         if not self._wait_until(
             lambda: self._sound_state in (SoundState.PLAYING, SoundState.ENDED), token, PLAY_TIMEOUT_MARGIN
         ):
@@ -154,7 +154,7 @@ class SoundPlayer(WorkerClient):
         return False
 
     def on_exit(self, reason: str) -> None:
-        """Store that the player program has exited; the next one may find a sound card."""
+        """Forget that there was no sound card: the player program has exited, and the next one may find one."""
         self.mute_reason = ""
         super().on_exit(reason)
 

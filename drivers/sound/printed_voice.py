@@ -107,7 +107,10 @@ class PrintedVoice:
             self._start_first(self._clock.now())
 
     def _start_first(self, now: float) -> None:
-        """Print the first utterance, unless it has started. An utterance that it interrupts starts again afterwards."""
+        """Print the first utterance of the queue, unless it has started.
+
+        Utterances after it in the queue count as not started, so an interrupted one is printed again.
+        """
         first = self._queue.first
         for words in self._queue:
             if words is not first:
@@ -136,7 +139,7 @@ class PrintedUtterance:
 
     @property
     def end(self) -> float:
-        """Time of the end, unless it is interrupted; valid once it has started."""
+        """Time at which the utterance ends if nothing interrupts it; valid only after it has started."""
         return (self.started or 0.0) + self.duration
 
     def done(self) -> bool:

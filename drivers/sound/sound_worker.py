@@ -28,7 +28,7 @@ MAX_DURATION = 600.0
 """Maximum seconds of a sound file, which is decoded as a whole. WAV files are checked before they are sent."""
 
 DEFAULT_RATE = 22_050
-"""Sample rate of espeak-ng, so that the sound card is ready for the first words."""
+"""Sample rate at which the sound card is opened first: that of espeak-ng, so speech needs no other rate."""
 
 
 @dataclass(slots=True)
@@ -243,7 +243,10 @@ class SoundCardPlayer:
         )
 
     def _find_device_id(self) -> Any:
-        """Return the id of the first device whose name contains ours; None for the default. Raises LookupError."""
+        """Return the id of the first sound card whose name contains ``name`` of this player; None for the default.
+
+        Raises LookupError if there is none.
+        """
         if not self._name:
             return None
         found = miniaudio.Devices(self._backends).get_playbacks()

@@ -137,7 +137,7 @@ def find_synthesiser(folders: str | None = None, *, volume: float = 1.0) -> Synt
 
 
 PIPE_DRAIN_TIMEOUT = 0.2
-"""Seconds to read the rest of the output of an ended program. Its child processes may keep the pipes open."""
+"""Maximum seconds to read the last output of a program that has ended; its child processes may keep the pipes open."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,7 +186,7 @@ def run_program(
 
 
 def _read_output(process: "Popen[bytes]", text: bytes, clock: Clock, until: float) -> ProgramOutput | None:
-    """Return the output of a program until it ends; None if it was killed at the time ``until``."""
+    """Return the output of a program after it has ended; None if it was killed because the clock reached ``until``."""
     given: bytes | None = text
     output: bytes | None
     complaint: bytes | None

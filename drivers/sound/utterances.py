@@ -116,7 +116,10 @@ _BY_LETTER = {letter: shape for shape, letters in PHONEME_LETTERS.items() for le
 
 
 def mouth_shape(phoneme: str) -> Mouth:
-    """Return the mouth shape of a phoneme such as ``'oU``: of a diphthong by its start, of tS and dZ as of S and Z."""
+    """Return the mouth shape of a phoneme such as ``'oU``.
+
+    A diphthong has the shape of its start, tS and dZ have that of S and Z.
+    """
     bare = phoneme.lstrip(STRESS_MARKS)
     if bare in ("tS", "dZ"):
         return Mouth.ROUND
@@ -181,7 +184,7 @@ class SpokenUtterance:
         return (self._started or 0.0) + self.seconds
 
     def on_start(self, at: float, seconds: float) -> None:
-        """Store that playback has started at the time ``at`` and takes ``seconds``."""
+        """Store the time ``at`` which playback has started, and its duration in ``seconds``."""
         self._started, self.seconds = at, seconds
 
     def reset_start(self) -> None:

@@ -216,7 +216,8 @@ TYPICAL_BYTES_PER_SECOND = 16_000
 
 
 MAX_DURATION = 600.0
-"""Seconds of a sound, which is decoded as a whole; the sound worker measures files other than WAV."""
+"""Maximum seconds of a sound, which is decoded as a whole. Here only WAV files are checked, others by the sound worker.
+"""
 
 
 def check_sound_file(name: str, path: Path) -> Path:

@@ -14,7 +14,7 @@ from drivers.transport.loop import guard_callback
 from drivers.transport.worker_process import Message, WorkerProcess
 
 START_TIMEOUT = 5.0
-"""Seconds to wait for a starting program, also after it has died: shared machines are slow."""
+"""Seconds that a request waits for a worker program to become ready, also if it must be started again."""
 
 HANG_TIMEOUT = 10.0
 """Seconds from the start of a worker program after which it counts as hanging if it is not ready."""
@@ -139,7 +139,7 @@ class WorkerClient(ABC):
     # --- the worker's thread ------------------------------------------------------------------------------------------
 
     def on_started(self) -> None:
-        """Store that the worker program was started. It sends a message when it is ready."""
+        """Start the timeout of the worker program, which has been started and sends a message when it is ready."""
         self._started_at = self._clock.now()
         self._handle_program(ProgramEvent.START)
 

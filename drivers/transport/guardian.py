@@ -147,7 +147,10 @@ class GuardianServos:
                 self._send(number)
 
     def positions(self) -> tuple[int, int]:
-        """Return the current setpoints of both servos."""
+        """Return the current setpoints of both servos in degrees.
+
+        A servo that has had no pulse so far has ``guardian_wire.UNKNOWN_ANGLE``.
+        """
         first, second = (guardian_wire.UNKNOWN_ANGLE if each is None else each for each in self._sent)
         return first, second
 

@@ -1,4 +1,4 @@
-"""Protocol between a driver and an actuator guardian, in both directions: lines of text. Pure.
+"""Protocol between a driver and an actuator guardian, in both directions: lines of text. No I/O.
 
 A guardian has two actuators: two wheels (thousandths of full power, backwards negative), or two servos (whole degrees).
 The line ``?`` requests a report, ``g BOOT FIRST SECOND`` sets both actuators. The guardian replies ``r BOOT FIRST
@@ -24,7 +24,7 @@ UNKNOWN_ANGLE = -1
 """Angle in the protocol of a servo that has had no pulse so far."""
 
 MAX_LINE_LENGTH = 40
-"""Maximum bytes of a line. Only the last error message of a guardian may be longer."""
+"""Maximum bytes of a line of the protocol. An error message, with which a guardian may end, may be longer."""
 
 VALUE_RANGE = range(-9999, 32768)
 

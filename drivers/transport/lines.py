@@ -1,4 +1,4 @@
-"""Finds lines of text in a stream of bytes. Pure."""
+"""Finds lines of text in a stream of bytes. No I/O."""
 
 MAX_LINE_LENGTH = 512
 """Maximum bytes of a line; longer ones are dropped."""

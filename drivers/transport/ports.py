@@ -151,8 +151,8 @@ class SerialPort(serial.Serial):
 def open_port(part: str, port: str, baud: int, *, timeout: float = 0.02) -> SerialPort:
     """Open ``port`` at ``baud``, 8N1, exclusively; reads wait ``timeout`` seconds at most, writes half a second.
 
-    Raises NotConnected, with a hint, if the port is missing, no serial port, not permitted, held by another process, or
-    the debug connector of a Raspberry Pi 5.
+    Raises NotConnected, with a hint, if the port is missing, is not a serial port, may not be opened by the user, is
+    used by another program, or is the debug connector of a Raspberry Pi 5.
     """
     if leads_to_debug_connector(port):
         raise NotConnected(f"{part}: {port}: {DEBUG_CONNECTOR_PROBLEM}", hint=PINS_HINT)

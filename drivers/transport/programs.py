@@ -163,7 +163,7 @@ def _holders(holds: Callable[["os.DirEntry[str]"], bool]) -> Iterator[Program]:
 
 
 def _entries(folder: str) -> "list[os.DirEntry[str]]":
-    """Return the entries of a folder; empty if it cannot be read, or the process has ended."""
+    """Return the entries of a folder such as ``/proc/42/fd``; empty if it cannot be read or its process has ended."""
     try:
         with os.scandir(folder) as entries:
             return list(entries)

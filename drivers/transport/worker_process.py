@@ -262,7 +262,7 @@ class WorkerProcess:
 
 
 def _read_rest(pipe: int, stderr: bytes) -> bytes:
-    """Return ``stderr`` and the bytes that ``pipe`` has now; call it after the program's output has ended.
+    """Return ``stderr`` with the bytes added that ``pipe`` has now; call it after the program has ended its output.
 
     It does not wait for the end of the pipe, because a child of the program may keep it open.
     """

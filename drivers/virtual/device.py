@@ -1,4 +1,4 @@
-"""Virtual device with its wire, and its true state for the simulated world."""
+"""Virtual devices for simulation: each has a port for the real driver, and its true state for the simulated world."""
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass

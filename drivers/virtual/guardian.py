@@ -61,7 +61,7 @@ class VirtualGuardian(ABC):
 class VirtualCar(VirtualGuardian):
     """Virtual guardian whose motors turn the wheels of a simulated ``body``.
 
-    ``wheels`` convert wheel speeds to the velocity of the body; its maximum speed is that at full power.
+    ``wheels`` convert wheel speeds to the velocity of the body; their maximum speed is reached at full power.
     """
 
     def __init__(self, body: BaseBody, wheels: TwoWheels, *, baud: int = guardian_wire.BAUD) -> None:

@@ -147,7 +147,10 @@ class SpeechVoice:
         return words
 
     def _drop(self, words: SpokenUtterance, *, cancelled: bool = True) -> None:
-        """End the utterance ``words`` now: remove it from the queue, and interrupt it if it is being played."""
+        """End the utterance ``words`` now: remove it from the queue, and interrupt it if it is being played.
+
+        ``cancelled`` is stored in it: False if it ends for another reason than a cancellation.
+        """
         with self._condition:
             if not words.done():
                 words.cancelled = cancelled
@@ -290,12 +293,12 @@ def _make_engine(settings: VoiceSettings, clock: Clock, report: StatusCallback) 
 
 
 def auto(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return the best available voice: the wheel of espeak-ng, an installed program, else printed text."""
+    """Return the best available voice: with the Python package of espeak-ng, an installed program, or printed text."""
     return _make_from_keys("auto", keys, context)
 
 
 def espeak(keys: SpeechKeys, context: DriverContext) -> Voice:
-    """Return a voice that speaks with the wheel of espeak-ng."""
+    """Return a voice that speaks with the Python package of espeak-ng."""
     return _make_from_keys("espeak", keys, context)
 
 

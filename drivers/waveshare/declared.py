@@ -28,7 +28,7 @@ class WaveshareKeys(BaseKeys, SerialKeys):
     )
 
     def diagnostics(self) -> Iterator[KeyDiagnostic]:
-        """Yield a maximum speed that the rover cannot reach."""
+        """Yield a diagnostic for a maximum speed that the rover cannot reach."""
         if not self.encoders and self.max_speed > self.speed_at_full:
             most, full = f"{self.max_speed:g} m/s", f"{self.speed_at_full:g} m/s"
             message = f"'max_speed' ({most}) is above 'speed_at_full' ({full}): it cannot go that fast"

@@ -1,13 +1,14 @@
-"""Protocol of Waveshare's rovers, both directions: one JSON object per line. Pure.
+"""Protocol of Waveshare's rovers, both directions: one JSON object per line. No I/O.
 
 Source: the vendor's firmware, ``json_cmd.h`` (the values of ``T``), ``uart_ctrl.h`` (execution and echo of a line),
 ``movtion_module.h`` (speeds, heartbeat) and ``ugv_advance.h`` (``baseInfoFeedback``) of the repositories
 waveshareteam/ugv_base_general (WAVE ROVER) and waveshareteam/ugv_base_ros (UGV).
 
-To the rover: ``1`` sets the wheel speeds, ``130`` requests one report, ``131`` switches periodic reports, ``142`` sets
-their interval in milliseconds, ``143`` switches the echo of valid lines, and ``136`` sets the milliseconds without a
-speed after which the rover stops. From the rover: ``1001``, with the wheel speeds ``L`` and ``R`` and the battery
-voltage ``v``, and values of its IMU; echoes; and lines of text at boot.
+The key ``T`` of a line is the number of the command or report. To the rover: ``1`` sets the wheel speeds, ``130``
+requests one report, ``131`` switches periodic reports, ``142`` sets their interval in milliseconds, ``143`` switches
+the echo of valid lines, and ``136`` sets the milliseconds without a speed after which the rover stops. From the rover:
+``1001``, with the wheel speeds ``L`` and ``R`` and the battery voltage ``v``, and values of its IMU; echoes; and lines
+of text at boot.
 
 A line has no checksum: a damaged digit makes another number. So a reader must compare several reports.
 """
@@ -31,7 +32,7 @@ MAX_VALUE = 10_000.0
 MAX_VOLTS = 50.0
 """Voltage in volts above which the reported number is taken for hundredths of a volt.
 
-Later firmware reports these.
+Later versions of the firmware report hundredths of a volt.
 """
 
 

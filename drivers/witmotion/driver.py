@@ -41,7 +41,7 @@ class WitMotionImu:
         self._link.open(self)
 
     def rest(self) -> None:
-        """Do nothing: an IMU moves nothing."""
+        """Do nothing: an IMU has no actuator."""
 
     def close(self) -> None:
         """End the thread and release the port. Safe from any state, more than once."""

@@ -35,7 +35,7 @@ class ImuTwin:
         self.plug.open()
 
     def rest(self) -> None:
-        """Do nothing: an IMU moves nothing."""
+        """Do nothing: an IMU has no actuator."""
 
     def close(self) -> None:
         """End the measurements. Safe from any state, more than once."""
