@@ -257,6 +257,7 @@ KEY_SYNONYMS: Mapping[str, str] = {
     "zero": "offset home center centre",
     "id": "servo_id dxl_id motor_id",
     "servo": "pin index channel output",
+    "track": "track_width wheel_separation wheel_track",
     "field_of_view": "fov hfov view_angle",
     "width": "resolution size w",
     "height": "resolution size h",

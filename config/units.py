@@ -10,7 +10,7 @@ import re
 from functools import cache
 from typing import Self
 
-UNITS: dict[str, dict[str, float]] = {
+UNITS: dict[str, dict[str, float]] = {  # unit suffixes of each dimension, with their factor to SI
     "angle": {"deg": math.pi / 180, "rad": 1.0},
     "length": {"m": 1.0, "cm": 0.01, "mm": 0.001},
     "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},

@@ -25,7 +25,7 @@ class SystemClock:
 
 
 class ManualClock:
-    """Clock that only moves when it is advanced: for tests and for simulated time."""
+    """Fake clock that only moves when it is advanced: for tests and for simulated time."""
 
     def __init__(self, start: float = 0.0) -> None:
         self._now = start

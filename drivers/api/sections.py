@@ -28,7 +28,7 @@ MAX_TRIM = radians(45)
 
 @keys
 class SerialKeys:
-    """Keys of a part on a serial port; a driver overrides the default of ``baud``."""
+    """Keys of a part on a serial port; a driver overrides the default of ``baud``, 115200."""
 
     port: str = key(help="Serial port of the device.")
     baud: int = key(default=115_200, low=1, help="Baud rate of the port.")

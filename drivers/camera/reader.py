@@ -35,7 +35,7 @@ OPEN_TIMEOUT = 12.0
 """Seconds within which a source must open; the slowest USB cameras need half of it."""
 
 STALL_TIMEOUT = 6.0
-"""Seconds without a picture after which a source is closed and opened again."""
+"""Seconds without a picture after which a stale source is closed and reopened."""
 
 QUIT_TIMEOUT = 0.5
 """Seconds to wait until a reader process exits: first after the command to quit, then again after it was killed."""

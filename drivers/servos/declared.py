@@ -67,7 +67,10 @@ class Ticks:
 
 @keys
 class JointKeys:
-    """Keys of a joint that a Dynamixel servo turns: the servo, its mounting, and the limits of the joint."""
+    """Keys of a joint that a Dynamixel servo turns: the servo, its mounting, and the limits of the joint.
+
+    Other programs call ``zero`` offset, ``limits`` min_angle and max_angle, and ``reverse`` inverted.
+    """
 
     id: int = key(low=0, high=253, help="The ID of the servo on the bus.")
     written_model: str = key(

@@ -1,4 +1,4 @@
-"""Recognisers of people: the user's people for a real camera, drawn people for a simulated one."""
+"""Recognisers of people, by face embeddings: the user's people for a camera, drawn people for a simulated one."""
 
 import json
 import os

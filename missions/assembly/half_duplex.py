@@ -1,4 +1,4 @@
-"""Half duplex for ears: sound during the robot's own speech is ignored."""
+"""Half duplex for ears: while the robot speaks, its microphone is muted, since there is no echo cancellation."""
 
 from math import inf
 

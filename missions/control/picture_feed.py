@@ -1,4 +1,7 @@
-"""Camera frames for clients; nothing is encoded while no client watches, so the detectors can rest."""
+"""Camera stream for clients, as single JPEG pictures (no MJPEG).
+
+Nothing is encoded while no client watches, so the detectors can rest.
+"""
 
 import base64
 from collections.abc import Callable, Mapping

@@ -16,7 +16,7 @@ HYSTERESIS_PERCENT = 3.0
 
 
 class BatteryWatch:
-    """Compares the battery charge with two thresholds; ``low`` and ``critical`` say whether each is reached.
+    """Detects a low battery: compares the battery charge with two thresholds, ``low`` and ``critical``.
 
     Thresholds are in percent, 0 for never. A threshold is reached if all readings over ``CONFIRM_TIME`` were below it.
     It is released when the battery charges, or is ``HYSTERESIS_PERCENT`` above it.

@@ -1,4 +1,4 @@
-"""Retention of the records that runs make by default: the oldest are removed."""
+"""Retention of the records that runs make by default: rotation by age and total size, not by free disk space."""
 
 import fcntl
 import os

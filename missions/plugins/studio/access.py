@@ -1,4 +1,4 @@
-"""Access control of the studio: two tokens, the sign-ins of browsers, and a limit on wrong tokens."""
+"""Access control of the studio: two tokens, the sign-ins of browsers, and a limit on wrong tokens (brute force)."""
 
 import hashlib
 import hmac

@@ -1,4 +1,7 @@
-"""Web server of the studio: its socket, request time limits, TLS certificate, routes, and shutdown."""
+"""Web server of the studio: its socket, request time limits, TLS certificate, routes, and shutdown.
+
+No self-signed certificate is made; the user provides one.
+"""
 
 import asyncio
 import signal

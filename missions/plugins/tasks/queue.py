@@ -310,7 +310,10 @@ class TaskQueue:
             return self._finish(claim.attempt, outcome, now, pause=0.0 if outcome.stopped else RETRY_INTERVAL)
 
     def recover(self, now: float) -> list[Task]:
-        """End the attempts that a previous server left open; return their tasks. Call it only while no task runs."""
+        """End the attempts that a crash of the server left open; requeue or fail their tasks, and return them.
+
+        Call it only while no task runs.
+        """
         with self._transaction():
             # A task of a fleet needs a new confirmation: another robot may have it by now.
             errands = "SELECT task FROM errand WHERE told = 0"

@@ -1,4 +1,4 @@
-"""Faults of the robot during a test, as in a test file: ``camera frozen from 5 s to 8 s``."""
+"""Fault injection: faults of the robot during a test, as in a test file: ``camera frozen from 5 s to 8 s``."""
 
 import math
 from collections.abc import Mapping

@@ -131,7 +131,10 @@ MAX_BATCH_ITEMS = 150
 """Maximum number of items in a batch to the writer process: packing holds the GIL for about a millisecond."""
 
 MAX_QUEUED_ITEMS = 20_000
-"""Maximum number of items queued for the writer process; at least 30 s of a run fit into the queue."""
+"""Maximum number of items queued for the writer process; at least 30 s of a run fit into the queue.
+
+When the queue is full, further items are dropped, and counted as lost.
+"""
 
 MAX_QUEUED_PICTURE_BYTES = 64_000_000
 """Maximum size in bytes of the pictures queued for the writer process."""

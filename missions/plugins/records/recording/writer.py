@@ -405,6 +405,7 @@ class RecordWriter:
         self._limit = limit
         self._max_chunk_bytes = min(MAX_CHUNK_BYTES, limit / 20)
         # Any: the mcap writer is only partly typed. The chunk size is huge, since ``flush`` ends chunks.
+        # Its default compression of chunks is zstd.
         self._writer: Any = Writer(sink, chunk_size=64 * MAX_CHUNK_BYTES)
         self._builder = MessageBuilder(contents.header)
         self._channels: dict[str, int] = {}

@@ -1,4 +1,4 @@
-"""Compare recorded and current node statuses, tick by tick, up to the first difference."""
+"""Compare recorded and current node statuses, tick by tick, up to the first difference (divergence)."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence

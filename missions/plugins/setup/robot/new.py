@@ -1,4 +1,4 @@
-"""``mission robot new``: create a robot file from connected devices and questions; can be interrupted and continued."""
+"""``mission robot new``: wizard that creates a robot file from connected devices; can be interrupted and continued."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress

@@ -21,7 +21,7 @@ POLL_INTERVAL = 0.1
 class MqttChannel:
     """Publishes each notice with QoS 1 over a new connection, and waits for the broker's acknowledgement.
 
-    QoS 1 is at-least-once delivery; the JSON has the notice's ``id``.
+    QoS 1 is at-least-once delivery; the JSON has the notice's ``id``. Messages are not retained, and have no last will.
     """
 
     def __init__(
