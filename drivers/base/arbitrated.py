@@ -303,9 +303,10 @@ class ArbitratedBase(ABC):
             self._report(DeviceStatus(self.name, "online", message))
 
     def _report_changes(self, before: BaseState | None, states: Iterable[BaseState]) -> None:
-        """Report new hazards from state to state as faults; call the callback if contacts or buttons changed.
+        """Report hazards that are new in one of ``states`` as faults; report changed contacts and buttons once.
 
-        ``before`` is the state before the first of ``states``, or None.
+        ``before`` is the state before the first of ``states``, or None. Contacts and buttons are reported to the
+        callback ``changed`` of the settings.
         """
         changed = False
         for state in states:

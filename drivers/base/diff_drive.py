@@ -124,7 +124,7 @@ class DiffDriveProtocol(ABC):
     lights: LightProtocol | None = None
 
     def restart(self) -> None:  # noqa: B027 - optional
-        """Drop partial messages of the previous connection. The pose continues."""
+        """Drop partial messages of the previous connection; the pose of the base is kept."""
 
     @abstractmethod
     def greet(self) -> bytes:

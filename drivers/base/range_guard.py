@@ -127,7 +127,10 @@ class RangeGuard:
         return _scaled(going, share) if share else ZERO_VELOCITY, why
 
     def rest(self, now: float) -> None:
-        """Read the scans while no source drives the base, since near obstacles may become invisible later."""
+        """Read the scans while no source drives the base.
+
+        So the guard knows obstacles that its range finder no longer sees when they are very near.
+        """
         self.stops = False
         self._update_points(now)
 

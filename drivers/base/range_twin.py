@@ -13,7 +13,7 @@ from drivers.sim.scanner import RangeFunction
 from drivers.transport.loop import guard_callback
 
 STALE_AFTER = 0.5
-"""Seconds after which a scan without a successor is stale."""
+"""Seconds after the end of the latest scan after which it is stale, because the next one is missing."""
 
 NOISE = 0.01
 """Standard deviation of a distance measured by an RPLIDAR A1, as a share of the distance."""

@@ -1,4 +1,4 @@
-"""Reflexes of a base: back-off, latch and forbidden directions, after contacts. Pure logic; times are passed in."""
+"""Reflexes of a base: back-off, latch and forbidden directions, after contacts. No I/O; times are arguments."""
 
 from math import hypot
 from typing import Literal

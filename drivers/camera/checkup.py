@@ -12,7 +12,7 @@ from drivers.camera.source import SourceKind, is_number, source_kind
 from drivers.pictures.capture import NOT_YET_TEXT
 
 FIRST_PICTURE_TIMEOUT = 6.0
-"""Seconds until the first picture: a network camera reports an error within 5 s."""
+"""Maximum seconds to wait for the first picture, more than the 5 s in which a network camera reports an error."""
 
 FAILURE_TIMEOUT = 2.0
 """Seconds to wait for pictures after a camera has reported an error."""

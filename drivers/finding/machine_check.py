@@ -14,7 +14,7 @@ GROUPS = ("dialout", "video", "audio", "input")
 """Groups whose members may open ports, cameras, sound cards and game pads, on Debian and similar systems."""
 
 MIN_FREE_BYTES = {"wrong": 200e6, "warning": 2e9}
-"""Free bytes on the disk below which a finding is a failure or a warning: a record may not fit."""
+"""Free bytes on the disk of the records below which the checkup reports a failure ("wrong") or a warning."""
 
 MIN_FREE_MEMORY = 300e6
 """Minimum bytes of available memory."""

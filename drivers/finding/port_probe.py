@@ -59,7 +59,7 @@ class PortScan:
 
 
 class ExclusivePort:
-    """Real port at the rate of the latest request, opened exclusively."""
+    """Serial port for a probe, opened exclusively; each request sets its baud rate."""
 
     def __init__(self, path: str, clock: Clock, *, extra_timeout: float = EXTRA_TIMEOUT) -> None:
         self._path = path

@@ -20,9 +20,10 @@ FULL_LOAD, LOADED_TOLERANCE = 0.8, radians(4)
 """Share of the stall torque from which on a joint counts as pushing at full power, and the tolerance in that case."""
 
 BLOCKED_AFTER = 0.8
-"""Seconds without progress after which a joint is blocked.
+"""Seconds without progress after which a joint counts as blocked; more for a very slow joint.
 
-A blocked servo that protects itself switches its torque off after 1 s, and lets the limb fall.
+It must be less than 1 s: after that, a blocked servo that protects itself switches its torque off and lets the limb
+fall.
 """
 
 PROGRESS_STEP, RESOLUTION = radians(2), radians(0.6)
@@ -144,7 +145,10 @@ class JointProgress:
             raise DeviceFault(self.blocked, hint=HINT)
 
     def command(self, goal: float, speed: float, now: float) -> None:
-        """Expect the joint to move to ``goal`` at ``speed`` (rad/s) at most."""
+        """Store a command to move to ``goal`` (radians) at ``speed`` (rad/s) at most.
+
+        The progress of the joint is measured towards this goal.
+        """
         stands = self.state in (ProgressState.HOLDING, ProgressState.WATCHED)
         stays = stands and abs(goal - self._settled) <= RESOLUTION
         if (stands and not stays) or self.state is ProgressState.LIMP:

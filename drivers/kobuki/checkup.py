@@ -20,7 +20,7 @@ MIN_REPORT_SHARE = 0.9
 """Smallest share of the 50 reports per second that must arrive."""
 
 VIRTUAL_EXTRA_TIMEOUT = 0.05
-"""Additional timeout in seconds for a virtual base."""
+"""Seconds added to the timeout of each request if the base is virtual, since it may reply late."""
 
 
 def checkup(keys: KobukiKeys, context: DriverContext) -> Iterator[Finding]:

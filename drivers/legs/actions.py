@@ -123,9 +123,9 @@ class StandSitPoses:
 
 
 def start_distances(ready: Floats, names: Iterable[str], states: Mapping[str, Reading[JointState]]) -> dict[str, float]:
-    """Return the distances (rad) of joints with a reading from the start of a walk.
+    """Return the differences (rad) of joint angles from those at the start of a walk, for all joints with a reading.
 
-    ``ready`` has the start angles in the order of ``names``.
+    ``ready`` has the angles at the start of a walk, in the order of ``names``.
     """
     goals = zip(names, ready.tolist(), strict=True)
     return {name: value.position - goal for name, goal in goals if (value := states[name].value) is not None}

@@ -36,9 +36,9 @@ class Compensation:
         self._last, self._rate = None, np.zeros(12)
 
     def goals(self, posture: LegPosture, dt: float = CONTROL_INTERVAL) -> Floats:
-        """Return the goals of the legs (12,) when ``posture`` follows the previous one after ``dt`` seconds.
+        """Return the goals of the legs (12,) for the posture before ``posture``, which follows it after ``dt`` seconds.
 
-        The goals are those for the previous posture, because its acceleration needs the postures before and after it.
+        They are one posture late, because the acceleration in a posture follows from the postures before and after it.
         """
         last, dt = self._last or posture, max(dt, CONTROL_INTERVAL / 2)
         before, after = self._rate, (posture.angles - last.angles) / dt

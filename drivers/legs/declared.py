@@ -73,7 +73,7 @@ class BodyKeys:
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """All joints: left and middle as written, then the right ones."""
+        """Names of all joints: left and middle ones in the order of the robot file, then the right ones."""
         return (*self.links, *(self.mirror(name) for name in self.links if self.mirror(name) != name))
 
     @property

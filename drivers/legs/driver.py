@@ -152,7 +152,7 @@ class LegsBase(ArbitratedBase):
         self._is_open = True
 
     def close(self) -> None:
-        """Stop stepping. Safe from any state, more than once."""
+        """Stop the base, and no longer use the joints. Safe from any state, more than once."""
         self.stop()
         self._is_open = self._joints_online = False
 

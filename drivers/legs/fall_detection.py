@@ -17,7 +17,7 @@ from drivers.legs.engine import AttitudeEstimate, WalkingEngine
 from drivers.legs.pattern_generator import pendulum_rate
 
 FALLEN_LEAN = radians(50)
-"""Lean of a fallen trunk from upright."""
+"""Lean of the trunk from upright, in radians, above which the body has fallen."""
 
 FALL_DEBOUNCE_TIME = 0.05
 """Seconds for which the capture point must be out of reach to count as a fall; a landing foot jerks the trunk briefly.

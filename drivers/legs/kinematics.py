@@ -90,7 +90,10 @@ def joint_axes(body: LeggedBody, placed: LinkPoses) -> Floats:
 
 
 def jacobian(body: LeggedBody, placed: LinkPoses, link: int, point: Floats) -> Floats:
-    """Return the Jacobian (..., 6, N) of a ``point`` (3) in a link's frame: linear over angular, a column per joint."""
+    """Return the Jacobian (..., 6, N) of a ``point`` (3) in the frame of a link; it has a column for each joint.
+
+    Rows 0 to 2 are the linear velocity, rows 3 to 5 the angular velocity.
+    """
     turned = joint_axes(body, placed)
     there = placed.position[..., link, :] + placed.rotation[..., link, :, :] @ point
     found = np.zeros((*turned.shape[:-2], 6, len(body.joints)))

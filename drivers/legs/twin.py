@@ -1,4 +1,4 @@
-"""Simulated walking base: rules and engine of the real driver on the twins of the joints, in one thread."""
+"""Simulated walking base: runs the driver's rules and walking engine on simulated joints, in one thread."""
 
 from math import cos, sin
 

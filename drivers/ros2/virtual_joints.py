@@ -23,7 +23,8 @@ class VirtualJoints(VirtualTopics):
     """Virtual joints with a ROS 2 controller: of trajectories, as ``joint_trajectory_controller``, or of positions.
 
     ``states`` and ``command`` are topic names, ``kind`` is the type of the commands. The joints have their ROS names.
-    As on real robots, a further joint is in the state messages. ``command_count`` counts received commands.
+    As on real robots, the state messages also have a joint that the robot file does not list. ``command_count`` counts
+    received commands.
     """
 
     def __init__(

@@ -20,7 +20,7 @@ CAPSULE_SIZE, CAPSULE_NODES = 84, 32
 """Bytes of a capsule, and measurements in it."""
 
 EXPRESS_SAMPLE_RATE = 4000.0
-"""Measurements per second."""
+"""Measurements per second of an express scan."""
 
 NODE_QUALITY = 47
 """Quality of each measurement with an echo, as in the vendor's driver: a capsule has none."""

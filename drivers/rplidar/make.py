@@ -43,7 +43,7 @@ class ScanAssembler:
     def __init__(self, model: RPLidarModel, mounting: Mounting) -> None:
         self.partial_scans = 0
         self.sample_rate = SAMPLE_RATE
-        """Measurements per second."""
+        """Measurements per second of the current scan, from which arrival times are computed."""
         self._model = model
         self._mounting = mounting
         self._number = 0

@@ -15,7 +15,7 @@ SessionStep = Iterator[None]
 """Coroutine that executes the start of a scan; it is resumed at each poll until it ends."""
 
 STOP_PAUSE = 0.1
-"""Seconds after a stop, as in the vendor's driver; the protocol requires 1 ms."""
+"""Seconds to wait after a stop command, as the vendor's driver does; the protocol requires 1 ms."""
 
 QUIET_TIME = 0.05
 """Seconds without a byte after which the line is quiet: adapters delay bytes by up to 16 ms."""

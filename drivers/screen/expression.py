@@ -28,7 +28,7 @@ MAX_TEXT_LENGTH = 240
 """Maximum number of letters that are processed, slightly more than ever fit."""
 
 NON_LETTER_CATEGORIES = ("Cc", "Cs", "Cn", "Co")
-"""Unicode categories: controls, surrogates, unassigned, private."""
+"""Unicode categories of characters that are replaced by spaces: controls, surrogates, unassigned and private ones."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -71,7 +71,7 @@ class PlaybackQueue:
         self._draining: QueuedSound | None = None  # the device has the last of it, and not yet played that
 
     def on_device_opened(self, rate: int) -> None:
-        """Set the sample rate of a newly opened device, and restart the time of silence."""
+        """Set the sample rate of a newly opened device; its time of silence begins at 0."""
         with self._lock:
             self.rate, self._silent_bytes = rate, 0
 

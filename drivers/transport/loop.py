@@ -90,7 +90,7 @@ class ThreadLoop:
             self._thread.start()
 
     def wake(self) -> None:
-        """Interrupt the pause."""
+        """Make the next call now, by interrupting the wait of the thread."""
         self._woken.set()
 
     def end(self) -> None:

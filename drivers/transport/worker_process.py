@@ -48,7 +48,7 @@ def last_error_line(stderr: bytes) -> str:
 
 
 class MessageParser:
-    """Parses messages from a stream of chunks."""
+    """Parses messages from a stream of bytes, which may arrive in chunks of any size."""
 
     def __init__(self) -> None:
         self._data = bytearray()

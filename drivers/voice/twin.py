@@ -56,7 +56,7 @@ class VoiceTwin(PrintedVoice):
         return super().play(path, priority)
 
     def update(self) -> None:
-        """Remove finished utterances from the queue; none while hanging."""
+        """Remove finished utterances from the queue. Does nothing while ``is_hanging`` is True."""
         if not self.is_hanging:
             super().update()
 

@@ -67,7 +67,10 @@ def speeds(left: float, right: float) -> bytes:
 
 
 def parse_line(line: bytes) -> WaveshareFeedback | WaveshareEcho | None:
-    """Return the message of a line from the rover; None for an unused one. Raises ValueError for invalid JSON."""
+    """Return the message of a line from the rover; None for a message that the driver does not use.
+
+    Raises ValueError for invalid JSON.
+    """
     try:
         message = json.loads(line.decode("ascii"), parse_constant=_refuse)
     except (RecursionError, UnicodeDecodeError) as error:

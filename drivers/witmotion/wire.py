@@ -43,7 +43,7 @@ class WitMotionReport:
 
 
 def packet(kind: int, values: Triple, unit: float) -> bytes:
-    """Return the bytes of one packet of a report."""
+    """Return the bytes of one packet of a report, with three ``values`` in steps of ``unit``."""
     steps = [min(max(round(value / unit), -32768), 32767) for value in values]
     body = struct.pack("<BB4h", HEADER, kind, *steps, 0)
     return body + bytes([sum(body) & 0xFF])
