@@ -44,8 +44,7 @@ LATCHED_INTERVAL = 0.2
 """Longest interval in seconds between two stop commands to a latched base."""
 
 GREETING_INTERVAL = 0.5
-"""Seconds after which ``DiffDriveProtocol.greet`` (a request for reports) is repeated while the base does not report.
-"""
+"""Seconds after which the request for reports (``DiffDriveProtocol.greet``) is repeated if the base does not report."""
 
 FINAL_STOPS = 5
 """Number of stop commands sent just before the port is closed, since single commands may be damaged on the wire."""

@@ -68,7 +68,7 @@ class VelocityLimits:
 
     @property
     def as_base_limits(self) -> BaseLimits:
-        """The same limits as ``drivers.api.BaseLimits``, the type that leaves use."""
+        """These limits as a ``drivers.api.BaseLimits``, the type that leaves use."""
         return BaseLimits(self.max_linear, self.max_angular, self.linear_acceleration, self.angular_acceleration)
 
     def clamp(self, velocity: Velocity) -> Velocity:

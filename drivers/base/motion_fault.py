@@ -16,8 +16,7 @@ BACKUP_LIMIT = "backup limit"
 STALL = "stall"
 OBJECT_NEAR = "object near"
 UNKNOWN = "hazard of type"
-"""Start of the name of a hazard whose type is unknown, such as "hazard of type 9"; the number of the type follows it.
-"""
+"""First words of the name of a hazard of an unknown type, such as "hazard of type 9"; its number follows them."""
 
 _ADVICE: Mapping[str, tuple[str, str]] = MappingProxyType(
     {

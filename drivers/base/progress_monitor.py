@@ -54,7 +54,7 @@ class MotionSums:
 
 
 class SentVelocities:
-    """Velocities sent to a base within the last ``lag`` seconds; by its delay, the base may follow any of them."""
+    """Velocities sent to a base within the last ``lag`` seconds; as it reacts late, it may follow any of them."""
 
     def __init__(self, lag: float) -> None:
         self.lag = lag

@@ -42,8 +42,7 @@ RETRY_AFTER = 2.0
 """Seconds without a command after which a blocked joint may be moved towards its goal again."""
 
 MAX_READING_GAP = 0.25
-"""Maximum time in seconds between two readings that counts as time without progress; the rest of a longer gap does not.
-"""
+"""Maximum seconds between two readings that count as time without progress; a longer gap counts as this time."""
 
 HINT = "free the joint; if nothing holds it, check its cable and its sensor"
 

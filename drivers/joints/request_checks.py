@@ -49,7 +49,7 @@ def check_move(
 
 
 def check_couplings(part: str, couplings: Sequence[Coupling], joints: Mapping[str, object]) -> None:
-    """Raise BadRequest for invalid couplings, by which a follower joint copies the motion of a leader joint.
+    """Raise BadRequest for invalid couplings. A coupling lets a follower joint copy the motion of a leader joint.
 
     Couplings are invalid if a joint is unknown, has two leaders, or both leads and follows, and if a scale or offset is
     not finite. ``part`` is the device in the message.

@@ -31,11 +31,10 @@ START_TOLERANCE = radians(6)
 """Radians by which each joint may differ from the start pose of a walk, so that the walk can begin at once."""
 
 MAX_START_DISTANCE = radians(62)
-"""Maximum difference in radians between any joint and its angle in a stand, for legs that move directly to the stand.
-"""
+"""Maximum difference in radians of any joint from its angle in a stand, for legs that move directly to a stand."""
 
 MAX_POSE_DISTANCE = radians(20)
-"""Maximum difference in radians between any joint and its angle in the nearest pose of ``StandSitPoses``.
+"""Maximum difference in radians of any joint from its angle in the nearest pose of ``StandSitPoses``.
 
 Legs within this distance move by that pose to a stand or a sit, and the body keeps its balance.
 """

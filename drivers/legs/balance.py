@@ -20,8 +20,7 @@ from drivers.legs.pattern_generator import GRAVITY, FloorPose, hull_edges, pendu
 # capture point will be by then.
 
 CAPTURE_DEADBAND = 0.012
-"""Error of the capture point in metres below which the next landing is not corrected, since the ankles can correct it.
-"""
+"""Error of the capture point in metres below which the next landing is not corrected: the ankles can correct it."""
 
 
 @dataclass(frozen=True, slots=True)

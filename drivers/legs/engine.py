@@ -69,8 +69,8 @@ class BalanceCorrection:
 class LegPosture:
     """Target of the legs: ``angles`` (12,) in the order of ``LeggedBody.leg_joints``, and the ``pattern`` behind it.
 
-    ``pattern`` has the places of the feet. ``refused`` is the reason why a leg cannot reach its place; empty if both
-    can. Such a leg keeps its last angles.
+    ``pattern`` has the places of the feet. ``refused`` is the reason why a leg cannot reach the place of its foot;
+    empty if both legs can. Such a leg keeps its last angles.
     """
 
     angles: Floats

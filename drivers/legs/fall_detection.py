@@ -20,8 +20,7 @@ FALLEN_LEAN = radians(50)
 """Lean of the trunk from upright, in radians, above which the body has fallen."""
 
 FALL_DEBOUNCE_TIME = 0.05
-"""Seconds for which the capture point must be out of reach to count as a fall; a landing foot jerks the trunk briefly.
-"""
+"""Seconds for which the capture point must be out of reach to count as a fall; a landing foot only jerks the trunk."""
 
 UPRIGHT_DEBOUNCE_TIME = 0.5
 """Seconds for which a fallen body must be upright to count as standing."""

@@ -354,7 +354,7 @@ class CaptureThread:
         return None
 
     def _skip_count(self) -> int:
-        """Return for how many of the next pictures no call of ``read`` waits, so that they need not be decoded."""
+        """Return how many of the next pictures no thread will read, so that they need not be decoded."""
         return max(0, self._last_read_number + 1 - self._frames) if self._was_read_recently() else MAX_UNREAD_SKIP
 
     def _update_skip_count(self) -> None:

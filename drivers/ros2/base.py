@@ -132,14 +132,15 @@ CONTACTS_TIMEOUT = 1.0
 MAX_POSITION_JUMP = 0.3
 """Tolerance in metres of the change of the reported position between two odometry messages.
 
-A change above this tolerance and the distance that the base can drive meanwhile shows that the odometry was reset. The
-pose is then continued from the last one.
+A change above the sum of this tolerance and the distance that the base can drive meanwhile shows that the odometry was
+reset. The pose is then continued from the last one.
 """
 
 MAX_HEADING_JUMP = 0.5
 """Tolerance in radians of the change of the reported heading between two odometry messages.
 
-A change above this tolerance and the angle that the base can turn meanwhile shows that the odometry was reset.
+A change above the sum of this tolerance and the angle that the base can turn meanwhile shows that the odometry was
+reset.
 """
 
 MAX_PLAUSIBLE_VALUE = 1e6

@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 # Filter of received messages: each once, in order, and none that was delayed for long.
 
 MAX_LATENESS = 0.5
-"""Seconds by which the delay of a message may exceed the smallest delay from the same sender; above it, it is rejected.
-"""
+"""Maximum seconds by which the delay of a message exceeds the smallest delay of its sender; else it is rejected."""
 
 CLOCK_JUMP_TIMEOUT = 1.0
 """Seconds in which all messages of a sender were late, after which its clock is assumed to have been set."""

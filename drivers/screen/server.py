@@ -177,7 +177,7 @@ class PageTcpServer(ThreadingTCPServer):
                 _shut_down(request)
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """Answer a request on a new thread, which is stored in ``connections`` with the time by which it must answer."""
+        """Answer a request on a new thread. ``connections`` stores the thread and the time by which it must answer."""
         thread = Thread(
             target=self.process_request_thread, args=(request, client_address), name="page talk", daemon=True
         )

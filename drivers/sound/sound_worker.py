@@ -28,7 +28,7 @@ MAX_DURATION = 600.0
 """Maximum seconds of a sound file, which is decoded as a whole. WAV files are checked before they are sent."""
 
 DEFAULT_RATE = 22_050
-"""Sample rate at which the sound card is opened first: that of espeak-ng, so speech needs no other rate."""
+"""Sample rate at which the sound card is opened at the start: that of espeak-ng, so speech needs no reopening."""
 
 
 @dataclass(slots=True)

@@ -184,7 +184,7 @@ class SpokenUtterance:
         return (self._started or 0.0) + self.seconds
 
     def on_start(self, at: float, seconds: float) -> None:
-        """Store the time ``at`` which playback has started, and its duration in ``seconds``."""
+        """Store that playback has started at the time ``at``, and that its duration is ``seconds``."""
         self._started, self.seconds = at, seconds
 
     def reset_start(self) -> None:

@@ -216,7 +216,7 @@ TYPICAL_BYTES_PER_SECOND = 16_000
 
 
 MAX_DURATION = 600.0
-"""Maximum seconds of a sound, which is decoded as a whole. Here only WAV files are checked, others by the sound worker.
+"""Maximum seconds of a sound, which is decoded as a whole; sound files other than WAV are checked by the sound worker.
 """
 
 
