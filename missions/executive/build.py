@@ -28,6 +28,7 @@ from missions.language.nodes import (
     WAIT_FOR,
     provides_failure,
 )
+from missions.language.operators import RANDOM
 from missions.language.plan import Plan, Step, composite_kind
 
 RobotFor = Callable[[Node], Robot]
@@ -54,6 +55,7 @@ def build(plan: Plan, run: RunState, robot_for: RobotFor, *, substitute: Substit
     Variables that are in ``run.variables`` already (the robot's state) can be read in all missions of the run. Raises
     InvalidFileError for stub leaves without a substitute.
     """
+    run.variables[RANDOM] = run.random
     builder = TreeBuilder(run, robot_for, dict(run.variables), substitute)
     run.variables.update(plan.params)
     root = builder.build(plan.tree, "1", run.variables)

@@ -24,6 +24,7 @@ from missions.executive.submission import Submission
 from missions.executive.tick_cache import TickCache
 from missions.executive.tick_record import Answer, TickKind, TickRecord
 from missions.language.kinds import STATE_KINDS
+from missions.language.operators import RANDOM
 
 # Frozen tick: during a tick, the time and all query results stay the same.
 #
@@ -39,6 +40,10 @@ _COMPARABLE_TYPES = frozenset({bool, int, float, str, Quantity})
 
 A value of any other type is unchanged only if it is the same object.
 """
+
+
+UNREPORTED_NAMES = {*STATE_KINDS, RANDOM}
+"""Names in the scope of a mission that are no variables: the robot's state, and the source of random numbers."""
 
 
 class VariableChanges:
@@ -72,7 +77,7 @@ def _take_changes(variables: Variables, reported: Variables) -> Iterator[tuple[s
     Compares ``variables`` with the values ``reported`` before, and updates the latter.
     """
     for name, value in variables.items():
-        if name not in STATE_KINDS and not (name in reported and _is_same_value(value, reported[name])):
+        if name not in UNREPORTED_NAMES and not (name in reported and _is_same_value(value, reported[name])):
             reported[name] = value
             yield name, copy(value) if type(value) in _MUTABLE_TYPES else value
     for name in [name for name in reported if name not in variables]:

@@ -315,9 +315,11 @@ def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label:
     values = {joint.text: read_argument(context, one, each, f"{label}: '{joint.text}'") for joint, each in node.entries}
     if INVALID_VALUE in values.values():
         return INVALID_VALUE
+    if all(value.template is None for value in values.values()):
+        return Value({joint: value.constant for joint, value in values.items()})
     if not all(value.template is None or context.awaits_params(value.template) for value in values.values()):
         context.fault(node.mark, f"{label}: the values must be known before the mission starts: numbers or params")
-    return Value({joint: value.constant for joint, value in values.items()})
+    return INVALID_VALUE
 
 
 def _by_joint(convert: Convert, value: object) -> dict[str, object]:

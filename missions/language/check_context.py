@@ -20,6 +20,7 @@ from missions.language.expressions import (
     NameReference,
     Template,
     Value,
+    draws_number,
     template,
 )
 from missions.language.inference import ExpressionLocation, find_mismatches
@@ -208,7 +209,7 @@ class CheckContext:
         if not all(known):
             return INVALID_VALUE
         names = {read.name for read in formula.reads}
-        if any(name not in self.params or name in self.variables for name in names):
+        if draws_number(formula) or any(name not in self.params or name in self.variables for name in names):
             return Value(
                 template=formula, convert=convert, location=ExpressionLocation(self.source, node, label, wanted_kind)
             )
@@ -227,7 +228,7 @@ class CheckContext:
     def awaits_params(self, formula: Template | Expression) -> bool:
         """Return True if an expression reads only params, some of which the caller has not set yet."""
         names = {read.name for read in formula.reads}
-        return all(
+        return not draws_number(formula) and all(
             name in self.missing_params or (name in self.params and name not in self.variables) for name in names
         )
 

@@ -16,6 +16,7 @@ from config.yaml_nodes import Node, compose, read_source
 from missions.language.check_context import CheckContext, Lookup, Vocabulary, find_no_mission
 from missions.language.claims import TargetRobot, check_claims, check_cleanups, check_necks, check_needs, check_reach
 from missions.language.definite_assignment import check_assignments
+from missions.language.draws import check_draws
 from missions.language.expressions import Expression, Value
 from missions.language.for_each import check_loop_names, steps_in_scope
 from missions.language.mission_body import read_body
@@ -193,6 +194,7 @@ def _check(
             check_phrases(notes, tree, robot)
         check_kinds(notes, tree, body.returns)
         check_answers(notes, tree)
+        check_draws(notes, tree)
         check_loop_names(notes, tree)
         check_objects(notes, tree)
         check_assignments(notes, tree)

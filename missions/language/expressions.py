@@ -32,6 +32,7 @@ from missions.language.operators import (
     BINARY,
     COMPARE,
     FUNCTIONS,
+    RANDOM,
     UNARY,
     apply_sign,
     check_text_length,
@@ -51,6 +52,9 @@ MAX_LENGTH = 1000
 
 MAX_NESTING = 100
 """Maximum nesting depth of an expression: each part is read, checked and evaluated recursively."""
+
+RANDOM_ARGUMENTS = 2
+"""Number of arguments of ``random``: its bounds."""
 
 TOO_DEEP_MESSAGE = f"an expression nested too deeply: at most {MAX_NESTING} levels"
 
@@ -101,6 +105,11 @@ class Expression:
     def names(self) -> tuple[str, ...]:
         """Names without members: ``battery`` for ``battery.percent``, in order, each once."""
         return tuple(dict.fromkeys(read.name for read in self.reads))
+
+    @property
+    def draws(self) -> tuple[ast.Call, ...]:
+        """Calls of ``random``."""
+        return tuple(node for node in ast.walk(self.tree) if isinstance(node, ast.Call) and is_draw(node))
 
     def place(self, node: ast.expr) -> tuple[int, int]:
         """Return column and length of a node of the expression, in the text that ``parse`` was given."""
@@ -161,6 +170,17 @@ def _is_too_deep(tree: ast.AST) -> bool:
         below = (part for node in row for part in ast.iter_child_nodes(node))
         depth, row = depth + 1, [part for part in below if isinstance(part, ast.expr)]
     return depth > MAX_NESTING
+
+
+def is_draw(node: ast.expr) -> bool:
+    """Return whether a part of an expression is a call of ``random``."""
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == RANDOM
+
+
+def draws_number(formula: "Expression | Template | None") -> bool:
+    """Return whether an expression or a template calls ``random``, so that each evaluation has another value."""
+    parts = () if formula is None else formula.parts if isinstance(formula, Template) else (formula,)
+    return any(isinstance(part, Expression) and part.draws for part in parts)
 
 
 def is_calculation(formula: Expression) -> bool:
@@ -226,6 +246,8 @@ def _check_allowed(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for 
             if name not in FUNCTIONS:
                 known = ", ".join(FUNCTIONS)
                 raise _NotAllowedError(f"{quoted_value(name)} cannot be called; the functions are {known}", function)
+            if name == RANDOM and len(parts) != RANDOM_ARGUMENTS:
+                raise _NotAllowedError(f"'{RANDOM}' needs two values, such as {RANDOM}(1 s, 3 s)", node)
         case _:
             raise _NotAllowedError(f"{quoted_value(ast.unparse(node))} is not allowed in an expression", node)
     for part in parts:
@@ -264,7 +286,8 @@ def _value(node: ast.expr, scope: Mapping[str, object]) -> Any:  # noqa: C901, P
         case ast.Subscript(value=value, slice=place):
             return member_at(_value(value, scope), _value(place, scope))
         case ast.Call(func=ast.Name(id=name), args=parts):
-            return FUNCTIONS[name](*[_value(part, scope) for part in parts])
+            values = [_value(part, scope) for part in parts]
+            return FUNCTIONS[name](*([_random_source(scope)] if name == RANDOM else []), *values)
     raise ExpressionError(f"{quoted_value(ast.unparse(node))} is not allowed in an expression")
 
 
@@ -274,6 +297,12 @@ def _look_up(name: str, scope: Mapping[str, object]) -> object:
     if name in CONSTANTS:
         return CONSTANTS[name]
     raise ExpressionError(f"'{name}' is not set")
+
+
+def _random_source(scope: Mapping[str, object]) -> object:
+    if RANDOM in scope:
+        return scope[RANDOM]
+    raise ExpressionError(f"'{RANDOM}' has values only in the run of a mission")
 
 
 def as_quantity(found: object, kind: object) -> object:

@@ -28,7 +28,7 @@ from missions.language.kinds import (
     join_kinds,
     kind_of_value,
 )
-from missions.language.operators import combined_dimension
+from missions.language.operators import RANDOM, combined_dimension
 
 ADD_LIST_HINT = "write found + [item] for a list with one more member"
 
@@ -95,6 +95,8 @@ class TypeInference:
         return None
 
     def _call_kind(self, word: str, parts: list[ast.expr]) -> Kind:
+        if word == RANDOM:
+            return self._drawn_kind(parts)
         if word in ("min", "max") and len(parts) > 1:
             return self._common_kind(parts, "cannot compare")
         kinds = [self.kind(part) for part in parts]
@@ -103,6 +105,18 @@ class TypeInference:
         if word in ("min", "max"):
             return kinds[0].member_kind if isinstance(kinds[0], ListKind) else None
         return NUMBER if word == "len" else self._require_numeric(parts[0], kinds[0])
+
+    def _drawn_kind(self, bounds: list[ast.expr]) -> Kind:
+        """Return the kind of a random number between two bounds."""
+        kinds = [self._require_numeric(bound, self.kind(bound)) for bound in bounds]
+        for bound, kind in zip(bounds, kinds, strict=True):
+            if not _comparable(ast.Eq(), kinds[0], kind):
+                message = f"cannot draw between {describe_kind(kinds[0])} and {describe_kind(kind)}"
+                return self._report_error(bound, message, _fix_hint(kinds[0], kind))
+        low, high = (bound.value if isinstance(bound, ast.Constant) else None for bound in bounds)
+        if isinstance(low, int | float) and isinstance(high, int | float) and low > high:
+            return self._report_error(bounds[0], f"{low} is above {high}, the second bound")
+        return UNSETTLED if UNSETTLED in kinds else join_kinds(*kinds)
 
     def _arithmetic_kind(self, node: ast.BinOp) -> Kind:
         left, right = self.kind(node.left), self.kind(node.right)

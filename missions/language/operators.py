@@ -8,6 +8,7 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
+from random import Random
 from typing import Any
 
 from config.units import NUMBER, DimensionError, Quantity, common_dimension, factor_of, product, quoted_value, quotient
@@ -204,14 +205,31 @@ def _choose(choose: Callable[..., object], items: tuple[Any, ...]) -> object:
     return choose(*items)
 
 
+RANDOM = "random"
+"""Function that draws a number, and name under which a scope has the source of random numbers of the run."""
+
+
+def _draw(source: Random, low: Any, high: Any) -> int | float:
+    """Return a number from ``low`` to ``high``, with their dimension; each is equally likely."""
+    try:
+        dimension = common_dimension(dimension_of(low), dimension_of(high))
+    except DimensionError as error:
+        raise ValueError(f"cannot draw between {error}") from None
+    if low > high:
+        raise ValueError(f"{RANDOM}: {low} is above {high}")
+    span = make_quantity(high - low, NUMBER)
+    return make_quantity(min(low + span * source.random(), float(high)), dimension)
+
+
 FUNCTIONS: dict[str, Callable[..., object]] = {
     "min": _minimum,
     "max": _maximum,
     "abs": _absolute_value,
     "round": _round,
     "len": len,
+    RANDOM: _draw,
 }
-"""Functions that an expression can call."""
+"""Functions that an expression can call; ``random`` also takes the source of random numbers."""
 
 
 def check_text_length(text: str) -> str:

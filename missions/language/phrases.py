@@ -26,7 +26,7 @@ def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
     found: dict[str, str] = {}
     wrong = False
     items = node.items if isinstance(node, Listing) else [node]
-    if isinstance(node, Scalar) and "," in node.text:
+    if isinstance(node, Scalar) and "," in node.text and "${" not in node.text:
         parts = [part.strip() for part in node.text.split(",")]
         hint = f"write [{', '.join(parts)}] for {len(parts)} phrases, or leave the comma out"
         context.fault(node.mark, f"{label} is one phrase with a comma in it, {quoted_value(node.text)}", hint)

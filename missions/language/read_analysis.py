@@ -3,7 +3,7 @@
 import ast
 from collections.abc import Collection, Iterator, Mapping
 
-from missions.language.expressions import Expression, Template, Value
+from missions.language.expressions import Expression, Template, Value, is_draw
 from missions.language.for_each import steps_in_scope
 from missions.language.kinds import CONSTANTS, STATE_KINDS
 from missions.language.plan import Step
@@ -60,6 +60,8 @@ def _always_has_value(node: ast.expr, nonzero: Collection[str]) -> bool:
             if not is_nonzero and not (isinstance(right, ast.Constant) and right.value):
                 return False
         case ast.Attribute(value=ast.Name(id=part)) if part in STATE_KINDS:
+            return True
+        case ast.Call(args=[ast.Constant(), ast.Constant()]) if is_draw(node):
             return True
         case ast.Attribute() | ast.Subscript() | ast.Call():
             return False

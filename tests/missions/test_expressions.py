@@ -207,7 +207,7 @@ def test_methods_and_missing_members_are_not_there(text: str) -> None:
         ("import os", "'import os' is not an expression"),
         ("a\0b", "'a\0b' is not an expression"),
         ("\ud800", "'\ud800' is not an expression"),
-        ("sum(names)", "'sum' cannot be called; the functions are min, max, abs, round, len"),
+        ("sum(names)", "'sum' cannot be called; the functions are min, max, abs, round, len, random"),
         ("thing._x", "'_x' is private"),
         ("x" * (MAX_LENGTH + 1), f"an expression of more than {MAX_LENGTH} characters"),
         *((text, TOO_DEEP_MESSAGE) for text in DEEP),

@@ -120,6 +120,7 @@ GOOD = [
     ["- mission: greet", "  with: {patience: 5 s, greeting: Good day}"],
     ["- for_each: {in: [{x: 1 m, to: a}, {x: 2 m, to: b}], as: p, do: {drive: '${p.x}'}}"],
     ["- selector: [stop, {say: Hi}]", "  in_turn: true"],
+    ["- wait: '${random(1 s, 3 s)}'", "  if: random(0, 1) < 0.5"],
     ["- random_selector: [stop, {say: Hi}]", "  weights: [2, 0.5]"],
     ["- random_selector: [stop, {say: Hi}]", "  weights: [20 %, 80 %]"],
     ["- random_selector: [stop, {say: Hi}]", "  weights: '${[n, x]}'"],

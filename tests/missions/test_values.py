@@ -74,7 +74,7 @@ def test_holes_in_a_text_are_filled_as_a_person_would_write(text: str, value: st
         ("${name's}", 0, 2, "'${' holds a brace, or a quote that is not closed"),
         ("${{1}}", 0, 2, "'${' holds a brace, or a quote that is not closed"),
         ("ab ${}", 5, 1, "an empty expression"),
-        ("ab ${  foo(1)}", 7, 3, "'foo' cannot be called; the functions are min, max, abs, round, len"),
+        ("ab ${  foo(1)}", 7, 3, "'foo' cannot be called; the functions are min, max, abs, round, len, random"),
         ("é ${n} ${n +}", 11, 1, "'n +' is not an expression; something is missing at its end"),
         ("${name._x}", 2, 7, "'_x' is private"),
     ],

@@ -206,9 +206,11 @@ class TaskAllocator:
             return FleetAnswer(ok=False, reason=f"'{ask.mission}' is not the name of a library mission")
         if ask.where:
             try:
-                parse(ask.where)
+                condition = parse(ask.where)
             except ExpressionError as error:
                 return FleetAnswer(ok=False, reason=str(error)[:300])
+            if condition.draws:
+                return FleetAnswer(ok=False, reason="'random' has values only in the run of a mission")
         if len(self._store.open_tasks()) >= MAX_OPEN_TASKS:
             return FleetAnswer(ok=False, reason=f"{MAX_OPEN_TASKS} tasks are waiting already")
         values = {each.name: getattr(ask, each.name) for each in fields(ask) if each.name not in {"task", "by"}}

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 
 from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
-from missions.language.nodes import COMPOSITES, FAILURE, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
+from missions.language.nodes import COMPOSITES, FAILURE, FAILURE_NAME, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
 from missions.language.operators import FUNCTIONS
 from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, is_pointer, normal_form
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
@@ -20,8 +20,7 @@ ROOT_ENTRY = "@"
 MAX_NAME_LENGTH = 80
 """Maximum characters of the name of a variable."""
 
-OTHER_FUNCTIONS = ("random", "failure")
-RESERVED = frozenset({*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, *OTHER_FUNCTIONS})
+RESERVED = frozenset({*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, FAILURE_NAME})
 
 
 class VariableNames:

@@ -14,11 +14,13 @@ from typing import Any, Self
 from drivers.api.fast_dataclass import dataclass
 from drivers.errors import SensorSilent
 from missions.language import read_analysis
-from missions.language.expressions import Expression, ExpressionError, NameReference, Value
+from missions.language.expressions import Expression, ExpressionError, NameReference, Value, draws_number
 from missions.language.for_each import ListMembers
+from missions.language.operators import RANDOM
 from missions.language.read_analysis import always_read_names
 from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.random_bounds import truth_values
 
 PLAIN_TYPES = frozenset((bool, int, float, str))
 """Types whose values contain no other values. Checks of nested values test them first, for speed."""
@@ -134,6 +136,8 @@ class KnownScope(dict[str, object]):
     """Variables of which an expression may read only the known ones. Raises UnknownReadError for any other."""
 
     def __contains__(self, name: object) -> bool:
+        if name == RANDOM:
+            raise UnknownReadError
         return super().__contains__(name)
 
     def __getitem__(self, name: str) -> object:
@@ -181,7 +185,7 @@ class NondetValue(Value):
     def __post_init__(self) -> None:
         reads = self.template.reads if self.template is not None else ()
         values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
-        sensed = any(value is None or not value.options for value in values)
+        sensed = draws_number(self.template) or any(value is None or not value.options for value in values)
         choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
         sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if reads_sensor(read)))
         found = {
@@ -221,10 +225,17 @@ class NondetValue(Value):
         self._check_readable(scope)
         if self.only_checked:
             return UNKNOWN
-        found, failed = self.oracle.choose(self.choices, self._describe_choice)
+        found, failed = self.oracle.choose(self._possible_choices(scope), self._describe_choice)
         if failed:
             raise ExpressionError("cannot be calculated")
         return found
+
+    def _possible_choices(self, scope: Mapping[str, object]) -> Sequence[tuple[object, bool]]:
+        """Return the choices, without a truth value that a condition with ``random`` cannot have."""
+        if not isinstance(self.template, Expression) or self.options != (True, False) or not self.template.draws:
+            return self.choices
+        possible = truth_values(self.template.tree, scope)
+        return [(found, failed) for found, failed in self.choices if failed or found in possible] or self.choices
 
     def _check_readable(self, scope: Mapping[str, object]) -> None:
         """Raise ExpressionError for a required variable that is not set, or SensorSilent for a silent sensor.

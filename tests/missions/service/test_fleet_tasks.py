@@ -434,7 +434,8 @@ def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> N
         ({"task": "bob/0000000b/0123456789ab"}, "is not the ID"), ({"task": "../x"}, "is not the ID"),
         ({"mission": "/etc/passwd"}, "not the name of a library mission"),
         ({"mission": "../greet"}, "not the name of a library mission"),
-        ({"where": "__import__('os')"}, "cannot be called"), ({"where": "battery >"}, "is not an expression"),
+        ({"where": "__import__('os')"}, "cannot be called"),
+        ({"where": "battery > random(0, 1)"}, "only in the run"), ({"where": "battery >"}, "is not an expression"),
     ],
 )  # fmt: skip
 def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, Any], why: str) -> None:

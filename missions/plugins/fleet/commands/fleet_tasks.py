@@ -120,9 +120,12 @@ def _check(mission: str, where: str, on: str, number: str | None) -> None:
     if number is not None and (not TASK_ID_PATTERN.fullmatch(number) or on == "all"):
         raise click.UsageError("--id must be a task ID printed by `mission fleet run`")
     try:
-        unknown = set(parse(where).names) - READABLE_FIELDS if where else set()
+        condition = parse(where) if where else None
     except ExpressionError as error:
         raise click.UsageError(f"--where: {error}") from error
+    unknown = set() if condition is None else set(condition.names) - READABLE_FIELDS
+    if condition is not None and condition.draws:
+        raise click.UsageError("--where: 'random' has values only in the run of a mission")
     if unknown:
         raise click.UsageError(
             f"--where: '{min(unknown)}' is not a property of a robot; known: {', '.join(sorted(READABLE_FIELDS))}"

@@ -80,6 +80,10 @@ class TapedRandom(Random):
         super().__init__(0)
         self._tape = tape
 
+    def random(self) -> float:
+        """Return one of three numbers that tell the bounds of all conditions here apart."""
+        return (0.0, 0.5, 0.9)[STATUSES.index(self._tape.read())]
+
     def choices(self, population: Any, *args: Any, **options: Any) -> list[Any]:
         del args, options
         return [population[STATUSES.index(self._tape.read()) % len(population)]]
@@ -176,6 +180,16 @@ def ordering(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
     ]
 
 
+def drawing(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
+    """Conditions with random numbers: some that may be true or false, and some that cannot."""
+    conditions = ("random(0, 1) < 0.3", "random(2, 3) > 1", "1 + random(0, 1) < 1", "not random(0, 1) > 0.7", "n < 5")
+    chance = st.sampled_from(conditions)
+    return [
+        st.builds("sequence: [{{check: '{}'}}, {{{}}}]".format, chance, children),
+        st.builds("sequence: [{{{}}}], if: '{}'".format, children, chance),
+    ]
+
+
 def trees(
     modifiers: tuple[str, ...],
     leaf: st.SearchStrategy[str] = LEAF,
@@ -260,7 +274,7 @@ def test_the_shortest_way_through_lists_is_that_of_all_short_runs(tree: str) -> 
     found = plan(f"sequence: [{{set: {{found: []}}}}, {{{tree}}}]")
     if found is None:
         return
-    compare_shortest_ways(found, 0.0)
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
 
 
 @settings(max_examples=40)
@@ -275,6 +289,16 @@ def test_shortest_ways_past_recoveries_and_cleanups_match_brute_force(tree: str)
 
 
 @settings(max_examples=40)
+@example("selector: [{check: 'random(0, 1) < 0.3'}, {look: 0 deg, if: 'random(0, 1) > 2'}, {fail: no}]")
+@given(trees(MODIFIERS, more=drawing))
+def test_the_shortest_way_past_random_numbers_is_that_of_all_short_runs(tree: str) -> None:
+    found = plan(f"sequence: [{{set: {{n: '${{random(0, 10)}}'}}}}, {{{tree}}}]")
+    if found is None:
+        return
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
+
+
+@settings(max_examples=40)
 @example("selector: [{look: 0 deg}, {look: 0 deg, invert: true}], in_turn: true, repeat: 2")
 @example("random_selector: [{look: 0 deg, if: false}, {look: 0 deg}, {fail: no}], weights: [2, 1, 0]")
 @given(trees(MODIFIERS, more=ordering))
@@ -282,7 +306,7 @@ def test_the_shortest_way_in_another_order_is_that_of_all_short_runs(tree: str) 
     found = plan(tree)
     if found is None:
         return
-    compare_shortest_ways(found, 0.0)
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
 
 
 def halted(plan: Plan, ticks: int) -> Iterator[int]:
