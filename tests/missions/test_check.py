@@ -14,7 +14,7 @@ from config.diagnostics import MAX_DIAGNOSTICS, InvalidFileError, SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import NODES as NODE_CLASSES
 from missions.executive.state import state_of
-from missions.language.check_context import MAX_DEPTH
+from missions.language.check_context import FAILURE_HINT, MAX_DEPTH
 from missions.language.document import check_plan, load_plan
 from missions.language.expressions import Value
 from missions.language.kinds import STATE_KINDS
@@ -69,6 +69,10 @@ def value_of(step: Step, name: str) -> object:
 
 
 # What is right
+
+
+def test_variable_that_finally_certainly_sets_can_be_read_after_it() -> None:
+    check(steps("- find_face:", "  finally: {set: {far: 1}}", "- log: ${far}"))
 
 
 def test_a_whole_mission_becomes_a_plan() -> None:
@@ -463,6 +467,37 @@ UNITS = "(units: deg, rad)"
         (["- wait: 1 s", "  once: yes"], "yes", "'once' takes only true or an expression, got 'yes'", ""),
         (["- wait: 1 s", "  on_failure: fail"], "fail", "'on_failure' takes only succeed, got 'fail'", ""),
         (["- wait: 1 s", "  on_success: true"], "true", "'on_success' takes only fail, got 'true'", ""),
+        # recovery and cleanup
+        (
+            ["- find_face:", "  as: who", "  finally: {log: '${who.name}'}"],
+            "log",
+            "'who' is read here, but it is not set where 'find_face' (line 5) is halted",
+            "set it before, such as set: {who: null}, and test it here with if: who != null",
+        ),
+        (
+            ["- find_face:", "  finally: {sequence: [{set: {far: 1}}, {log: a}]}", "- say: ${far}"],
+            "say",
+            "'far' is read here, but it is not set where 'finally' (line 6) does not succeed",
+            "set it before, such as set: {far: null}, and test it here with if: far != null",
+        ),
+        (
+            ["- find_face:", "  as: who", "  retry: 2", "  recover: {log: '${who.name}'}"],
+            "log",
+            "'who' is read here, but it is not set where 'find_face' (line 5) fails",
+            "set it before, such as set: {who: null}, and test it here with if: who != null",
+        ),
+        (
+            ["- selector: [{fail: no}, {drive: '${failure}'}]"],
+            "failure",
+            "'drive' needs a length such as '0.5 m', got a text",
+            "",
+        ),
+        (
+            ["- fail: no", "- log: ${last_error}"],
+            "last_error",
+            "'log': unknown name 'last_error'",
+            f"'failure' is the reason of the last failure: {FAILURE_HINT}",
+        ),
         # expressions
         (["- wait: 1 s", "  if:"], "", "'if': an empty expression", ""),
         (["- wait: 1 s", "  if: m > 1"], "m", "'if': unknown name 'm'", NAMES),

@@ -52,6 +52,31 @@ def test_the_claims_of_whole_branches_count() -> None:
     assert fault.mark.line == 11
 
 
+def test_recovery_may_drive_what_its_node_drives_and_both_claim_it_from_others() -> None:
+    node = "    - drive: 1 m\n      retry: 2\n      recover: {turn: 9 deg}\n"
+    assert check(f"  sequence:\n{node}").tree.claims == {"base"}
+    fault = the_fault(f"  parallel:\n{node}    - look: 9 deg\n      retry: 2\n      recover: {{stop: }}\n")
+    assert fault.message == "'stop' and 'drive' (line 4) can both drive the base at the same time"
+
+
+def test_cleanup_claims_its_parts_while_its_node_runs() -> None:
+    fault = the_fault("  parallel:\n    - say: Hi\n    - drive: 1 m\n      finally: {say: Done}\n")
+    assert fault.message == "'say' and 'say' (line 4) can both drive the voice at the same time"
+
+
+def test_recovery_and_cleanup_need_their_parts() -> None:
+    found = faults(
+        "  sequence:\n    - drive: 1 m\n      retry: 2\n      recover: {look: 9 deg}\n      finally: {say: Done}\n",
+        frozenset({"base"}),
+    )
+    assert [fault.message.split(";")[0] for fault in found] == ["'look' needs a head", "'say' needs a voice"]
+
+
+def test_missing_part_of_a_recovery_is_no_alternative_of_a_selector() -> None:
+    tree = "  selector:\n    - drive: 1 m\n      retry: 2\n      recover: {look: 9 deg}\n    - say: Hi\n"
+    assert the_fault(tree, frozenset({"base", "voice"})).message.startswith("'look' needs a head")
+
+
 def test_every_part_and_every_later_claimant_is_told() -> None:
     found = faults("  parallel:\n    - track_face\n    - look: 9 deg\n    - drive: 1 m\n    - find_face\n")
     assert [(fault.mark.line, fault.message) for fault in found] == [

@@ -124,6 +124,8 @@ GOOD = [
     ["- random_selector: [stop, {say: Hi}]", "  weights: [2, 0.5]"],
     ["- random_selector: [stop, {say: Hi}]", "  weights: [20 %, 80 %]"],
     ["- random_selector: [stop, {say: Hi}]", "  weights: '${[n, x]}'"],
+    ["- drive: 1 m", "  retry: 3", "  recover: {sequence: [stop, {say: '${failure}'}]}"],
+    ["- drive: 1 m", "  finally: {show: ''}", "  halt_limit: 2 s", "  timeout: 3 s"],
 ]
 
 
@@ -210,6 +212,12 @@ BROKEN = [
     ["- wait: 1 s", "  once: yes"],
     ["- wait: 1 s", "  on_failure: fail"],
     ["- wait: 1 s", "  on_running: success"],
+    ["- drive: 1 m", "  recover: stop"],
+    ["- drive: 1 m", "  retry: 2", "  recover: {stpo: 1}"],
+    ["- drive: 1 m", "  finally:"],
+    ["- drive: 1 m", "  finally: [succeed]"],
+    ["- drive: 1 m", "  halt_limit: 2 s"],
+    ["- drive: 1 m", "  finally: succeed", "  halt_limit: 2"],
     ["- for_each: {in: [a], do: stop}"],
     ["- for_each: {in: [a], as: x}"],
     ["- for_each: {in: {a: 1}, as: x, do: stop}"],

@@ -151,6 +151,34 @@ def test_an_interrupted_run_is_decided_again_with_its_halting(robot: RobotConfig
     assert again(past, shipped_missions()["patrol"], robot).is_identical
 
 
+RECOVERING = """mission: recovering
+tree:
+  sequence:
+    - drive: 2 m
+      timeout: 1 s
+      retry: 2
+      recover: {say: "${failure}"}
+      on_failure: succeed
+      finally: {say: Once}
+    - drive: 2 m
+      finally: {sequence: [{set: {done: true}}, {say: Stopped}]}
+"""
+
+
+def test_run_that_is_interrupted_in_a_cleanup_is_decided_again(robot: RobotConfig, tmp_path: Path) -> None:
+    def stop(runner: Runner, moment: TickRecord) -> None:
+        if moment.tick == 180:
+            runner.executive.stop("enough")
+
+    mission = tmp_path / "recovering.yaml"
+    mission.write_text(RECOVERING, encoding="utf-8")
+    past = past_of(RunRequest(str(mission), simulate="fast", eyes="truth"), act=stop)
+    said = [event for event in past.events if isinstance(event, NodeChanged) and event.kind == "say"]
+    assert [moment.kind for moment in past.tick_records].count("halt") > 5
+    assert {event.node for event in said if event.status == "running"} == {"1.1.1.1.2", "1.1.2", "1.2.2.2"}
+    assert again(past, mission, robot).is_identical
+
+
 def test_a_run_that_was_paused_is_decided_again(robot: RobotConfig) -> None:
     def pause(runner: Runner, moment: TickRecord) -> None:
         if moment.kind == "look":

@@ -6,6 +6,7 @@ from dataclasses import replace
 from random import Random
 from typing import Any
 
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
@@ -406,3 +407,19 @@ def test_a_run_that_is_never_put_back_comes_to_the_state_that_was_explored(tree:
         space.model.tick()
         assert space.model.oracle.script == script
     assert space.model.state().rows == last.rows
+
+
+THIRD_ROUND = "sequence: [{set: {k: '${k + 1}'}}, {check: k < 3}]"
+
+
+@pytest.mark.parametrize("loop", ["repeat: 5", "repeat: '${n}'", "retry: 5, invert: true"])
+def test_rounds_beyond_the_counted_ones_are_explored(loop: str) -> None:
+    node = THIRD_ROUND if loop.startswith("repeat") else THIRD_ROUND.replace("<", ">=")
+    found = plan_of(f"{{sequence: [{{set: {{k: 0}}}}, {{{node}, {loop}}}]}}", params="{n: {type: count}}")
+    assert "failure" in explored(found)
+
+
+def test_count_that_is_not_known_may_be_one() -> None:
+    for loop in ("repeat: '${n}'", "retry: '${n}', invert: true"):
+        depths = explored(plan_of(f"{{look: 0 deg, {loop}}}", params="{n: {type: count}}"))
+        assert depths["success"] == 1
