@@ -240,9 +240,7 @@ class _ProxySourceWriter:
         name, arguments = member.name, f"({_parameter_names(member)}{',' if member.parameters else ''})"
         yield "tell = self._tell"
         yield from self._convert_arguments(member, command)
-        if command.releases:
-            yield f"if self._permit is {self._bind_name('refuse_motion', refuse_motion)}:"
-            yield "    self._permit(self._device)"
+        yield from self._refusal_lines(member, command)
         if command.report == "before":
             yield from self._report_lines(member, command, arguments, "None")
         yield "memo, answers = self._memo, self._answers"
@@ -264,6 +262,16 @@ class _ProxySourceWriter:
         if command.report == "after":
             yield from self._report_lines(member, command, arguments, "result")
         yield "return result"
+
+    def _refusal_lines(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
+        """Yield the lines that refuse a command within ``finally``: neither reported nor recorded, as in a rerun."""
+        if command.moves or command.releases:
+            refused = f"self._permit is {self._bind_name('refuse_motion', refuse_motion)}"
+            if callable(command.moves):
+                moves = self._bind_name(f"{member.name}_moves", command.moves)
+                refused += f" and {moves}({_parameter_names(member)})"
+            yield f"if {refused}:"
+            yield "    self._permit(self._device)"
 
     def _convert_arguments(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
         """Yield the source lines that convert the arguments of a command before use."""

@@ -1,5 +1,6 @@
 """A leaf that misbehaves as leaves of users may: it raises, lies, never stops, or asks for what cannot be."""
 
+from contextlib import suppress
 from math import inf, isfinite, nan
 from typing import Any
 
@@ -7,7 +8,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import RUNNING, SUCCESS, Leaf, argument
 from drivers.api import HeadPose, Velocity
-from drivers.errors import DeviceFault, NotConnected
+from drivers.errors import DeviceFault, DriverError, NotConnected
 
 LEFT, STOPS_NOT, RAISES_LAST = "leaves", "never stops", "raises at end"
 
@@ -111,6 +112,24 @@ class Rogue(Leaf):
 
     def _still(self) -> None:
         """Stop it."""
+
+
+class RogueCleanup(Rogue):
+    """One that claims nothing, and moves all parts that the robot has: for ``finally``, where it must move none."""
+
+    tag = "rogue_cleanup"
+
+    def _ask(self, goal: float) -> None:
+        robot = self.robot
+        with suppress(DriverError):
+            if robot.base_part is not None:
+                robot.base.drive(Velocity(goal, -goal))
+        with suppress(DriverError):
+            if robot.head_part is not None:
+                robot.head.look(HeadPose(goal, -goal))
+        with suppress(DriverError):
+            if robot.arm_part is not None:
+                robot.arm.relax()
 
 
 class RogueBase(Rogue):

@@ -37,9 +37,6 @@ NEVER = 99
 RECOVERED, CLEANED = 0.5, 0.1
 """The share of retried nodes with a ``recover``, and of all nodes with a ``finally``."""
 
-CLEANUPS = ({"say": "I stop here"}, {"show": "storm"}, {"log": "cleaned"}, {"rogue": {"way": "raises", "goal": "fast"}})
-"""What runs finally: leaves that may, and one that claims nothing and moves what it can."""
-
 ROGUES = 0.25
 """The share of leaves that misbehave, beside those that are drawn with the others."""
 
@@ -186,8 +183,14 @@ class Trees:
         if step.get("retry", 1) != 1 and chance.random() < RECOVERED:
             step["recover"] = self._leaf()
         if chance.random() < CLEANED:
-            step["finally"] = chance.choice(CLEANUPS)
+            step["finally"] = self._cleanup()
         return step
+
+    def _cleanup(self) -> dict[str, Any]:
+        """Draw what runs finally: a leaf that may, or one that claims nothing and tries to move all."""
+        parts = {"voice": {"say": "I stop here"}, "screen": {"show": "storm"}}
+        honest = [step for part, step in parts.items() if part in self._parts]
+        return self._chance.choice([*honest, {"log": "cleaned"}, *[{"rogue_cleanup": _rogue(self._chance)}] * 2])
 
     def _contest(self) -> dict[str, Any]:
         chance = self._chance
