@@ -523,7 +523,7 @@ UNITS = "(units: deg, rad)"
         (
             ["- wait: 1 s", "  if: ${ open(n) }"],
             "open",
-            "'if': 'open' cannot be called; the functions are min, max, abs, round, len",
+            "'if': 'open' cannot be called; the functions are min, max, abs, round, len, random",
             "",
         ),
         (["- wait: 1 s", '  if: "face.__class__"'], "face.__class__", "'if': '__class__' is private", ""),
