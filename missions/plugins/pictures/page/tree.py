@@ -6,10 +6,14 @@ The page's style sheet and script find the elements by their roles and attribute
 import json
 from collections.abc import Iterator, Mapping, Sequence
 
+from missions.language.nodes import FINALLY, RECOVER
 from missions.plugins.pictures.page.document import Markup, join, start_tag, tag
 from missions.plugins.pictures.svg import kind_of
 from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
 from missions.trees.drawing_builder import legend
+
+_PLAIN_LABELS = ("else", RECOVER, FINALLY)
+"""Labels of child nodes that are no cases of a switch."""
 
 # Card of a node on the page, with all its facts. For a screen reader the card is the node's name.
 #
@@ -25,7 +29,7 @@ def card(box: TreeBox, time: float | None = None) -> Markup:
 def _card_lines(box: TreeBox, time: float | None) -> Iterator[Markup]:
     live = time is not None
     if box.case:
-        yield tag("span", box.case if box.case == "else" else f"case {box.case}", class_="case")
+        yield tag("span", box.case if box.case in _PLAIN_LABELS else f"case {box.case}", class_="case")
     yield _title(box, live=live)
     if time is not None:
         yield _state(box.status, box.reason, "" if box.since is None else _age(box.status, time - box.since))

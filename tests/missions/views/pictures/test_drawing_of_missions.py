@@ -6,7 +6,7 @@ from behaviours.catalogue import LEAVES
 from drivers.clock import ManualClock
 from missions.language.nodes import BRANCHES, MISSION
 from missions.library.shipped import load_mission, shipped_missions
-from missions.trees.drawing import NodeState, TreeBox, TreeDrawing
+from missions.trees.drawing import NodeState, TreeBox, TreeDrawing, outline
 from missions.trees.drawing_builder import (
     ACTION_SYMBOL,
     CONDITION_SYMBOL,
@@ -16,6 +16,7 @@ from missions.trees.drawing_builder import (
     one_line,
     with_states,
 )
+from missions.trees.text import mermaid
 from tests.cases import each
 from tests.missions.views.pictures.drawn import downwards, keys_and_lines, plan_of, ready
 
@@ -80,6 +81,23 @@ def test_children_of_a_switch_say_their_case_as_yaml_has_it() -> None:
     assert [child.case for child in root.children] == ["yes", "2", "30 deg", "else"]
     root = drawing_of(plan_of("  switch: {on: answer == 'x', cases: {true: {wait: 1 s}}}\n", head)).root
     assert [child.case for child in root.children] == ["true"]
+
+
+def test_recovery_and_cleanup_are_drawn_as_children_with_their_words() -> None:
+    beside = "  retry: 3\n  recover: {say: Again}\n  finally: {show: ''}\n  halt_limit: 2 s\n"
+    plan = plan_of(f"  sequence: [stop, {{drive: 2 m}}]\n{beside}")
+    root = drawing_of(plan).root
+    assert [(child.key, child.kind, child.case) for child in root.children] == [
+        ("1.1.1.1", "stop", ""),
+        ("1.1.1.2", "drive", ""),
+        ("1.1.2", "say", "recover"),
+        ("1.2", "show", "finally"),
+    ]
+    assert [(badge.kind, badge.text) for badge in root.badges] == [("finally", "at most 2 s"), ("retry", "3")]
+    tree, _ = ready(plan, ManualClock())
+    assert keys_and_lines(drawing_of(plan)) == {node.key: node.line for node in downwards(tree)}
+    assert "finally: ■ show" in outline(drawing_of(plan))
+    assert '|"recover"| n1_1_2' in mermaid(drawing_of(plan))
 
 
 def test_a_submission_says_its_mission_and_what_it_is_given_and_its_nodes_their_own_file() -> None:
