@@ -1,14 +1,12 @@
 """Trees and models of nodes in the XML files of one project, with includes inside its folder."""
 
-from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os.path import realpath
 from pathlib import Path
 
 from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
-from missions.plugins.interchange.leaf_rules import LeafRule
-from missions.plugins.interchange.node_kinds import COMMON_ATTRIBUTES, CONDITIONS, KINDS, NAV2_OUTPUTS, OLD_NAMES
+from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.xml_reader import Element, read_xml
 
@@ -86,11 +84,15 @@ class TreeFile:
 
 @dataclass(slots=True)
 class ForeignProject:
-    """All files of an import, with the models of nodes by ID."""
+    """All files of an import, with the models of nodes by ID.
+
+    ``guessed_outputs`` are ports of nodes without a model that seem to be outputs, by the ID of the node.
+    """
 
     folder: Path
     files: dict[Path, TreeFile] = field(default_factory=dict)
     models: dict[str, NodeModel] = field(default_factory=dict)
+    guessed_outputs: dict[str, set[str]] = field(default_factory=dict)
 
     def trees(self) -> Iterator[SourceTree]:
         """Yield all trees, in the order of files."""
@@ -207,7 +209,7 @@ def _version(root: Element) -> int:
     declared = root.attributes.get("BTCPP_format", "").strip()
     if declared:
         return 3 if declared.startswith("3") else 4
-    return 4 if any(_is_version_4(each) for each in _walk(root)) else 3
+    return 4 if any(_is_version_4(each) for each in walk_elements(root)) else 3
 
 
 def _is_version_4(element: Element) -> bool:
@@ -220,10 +222,11 @@ def _is_version_4(element: Element) -> bool:
     )
 
 
-def _walk(element: Element) -> Iterator[Element]:
+def walk_elements(element: Element) -> Iterator[Element]:
+    """Yield an element and all elements below it."""
     yield element
     for child in element.children:
-        yield from _walk(child)
+        yield from walk_elements(child)
 
 
 def is_pointer(value: str) -> bool:
@@ -260,33 +263,11 @@ def _add_models(project: ForeignProject, element: Element) -> None:
                 model.ports.setdefault(port_name, found)
 
 
-def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) -> NodeModel:
-    """Return the declared model of a node, or one from the tables of Nav2 and of leaves."""
-    model = project.models.get(name) or NodeModel("Condition" if name in CONDITIONS else "")
-    known = rules[name].outputs if name in rules else ()
-    if not model.ports:
-        known = (*known, *NAV2_OUTPUTS.get(name, ()))
-    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}})
-
-
 def call_ports(project: ForeignProject, tree: SourceTree | None, element: Element) -> dict[str, str]:
     """Return the ports of a SubTree node: the given ones, and the defaults of its model and of the tree itself."""
     found = {} if tree is None else tree.port_defaults(project.models)
     given = {name: value for name, value in element.attributes.items() if name not in ("ID", "name")}
     return found | {name: value for name, value in given.items() if not name.startswith("_")}
-
-
-def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, dict[str, PortModel]]:
-    """Return the output ports of each kind of node that some node stores in the blackboard."""
-    found = defaultdict[str, dict[str, PortModel]](dict)
-    for tree in project.trees():
-        for element in _walk(tree.body) if tree.body is not None else ():
-            kind, _ = normal_form(element, project)
-            model = model_of(project, kind, rules)
-            for port, value in element.attributes.items():
-                if port not in COMMON_ATTRIBUTES and is_pointer(value) and model.port(port).direction != "in":
-                    found[kind][port] = model.port(port)
-    return found
 
 
 def normal_form(element: Element, project: ForeignProject) -> tuple[str, str]:

@@ -21,12 +21,12 @@ from missions.plugins.interchange.dead_steps import DeadStepRemover
 from missions.plugins.interchange.foreign_trees import (
     GENERIC_TREE_NAMES,
     ForeignProject,
-    find_used_outputs,
     is_pointer,
     read_project,
 )
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, mission_text
+from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import TranslatedTree, translate_tree
@@ -55,6 +55,7 @@ def import_trees(
     names = _mission_names(project, single=not path.is_dir())
     kinds = EntryKinds(project)
     table = {**LEAF_RULES, **(rules or {})}
+    project.guessed_outputs = guess_outputs(project, table)
     stubs = StubTable(leaves, find_used_outputs(project, table))
     translated = {
         id(tree): translate_tree(project, tree, kinds, table, stubs, leaves, imported.report)

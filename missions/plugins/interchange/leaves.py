@@ -2,10 +2,11 @@
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of, kind_of_constant
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
-from missions.plugins.interchange.foreign_trees import PortModel, is_pointer, model_of
+from missions.plugins.interchange.foreign_trees import PortModel, is_pointer
 from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import COMMON_ATTRIBUTES, KINDS
+from missions.plugins.interchange.port_directions import model_of
 from missions.plugins.interchange.report import DIFFERS, LOST, STUB
 from missions.plugins.interchange.scripts import TEXT, Formula
 from missions.plugins.interchange.stub_leaves import StubArgument, kind_of_port
@@ -149,7 +150,9 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> Miss
             stub.arguments.setdefault(port, StubArgument(declared))
     step.value = arguments or None
     tree.add_name(step, element)
-    tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'", kind)
+    guessed = [f"'{port}'" for port in outputs if port in tree.project.guessed_outputs.get(kind, ())]
+    ports = f", whose output seems to be {' and '.join(guessed)}" if guessed else ""
+    tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'{ports}", kind)
     return with_outputs(step, outputs, several=len(stub.outputs) > 1, fresh=tree.names.fresh)
 
 

@@ -16,7 +16,7 @@ from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.executive import Executive
 from missions.executive.stream import EventStream
-from missions.language.document import load_plan
+from missions.language.document import declared_params, load_plan
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import Step
 from missions.library.lookups import LOOKUPS
@@ -100,6 +100,7 @@ def play_import(
         (folder / name).write_text(text, encoding="utf-8")
     leaves = load_leaves(sorted((folder / "behaviours").glob("*.py")))
     plan = load_plan(folder / f"{main}.yaml", leaves, LOOKUPS, find_mission=find_mission)
+    params = declared_params(folder / f"{main}.yaml", leaves, LOOKUPS)
 
     def substitute(step: Step, leaf: Leaf | None) -> Leaf | None:
         if leaf is None or not leaf.stub:
@@ -115,6 +116,7 @@ def play_import(
 
     clock = ManualClock()
     run = RunState(clock)
+    run.variables.update(dict.fromkeys(params))  # an entry that nobody sets is unset there, and null here
     events: list[tuple[str, str]] = []
     root = build(plan, run, lambda _: Robot(), substitute=substitute)
     for node in root.iterate():

@@ -228,3 +228,22 @@ def test_stubs_have_the_ports_as_arguments(tmp_path: Path) -> None:
     assert "output_type = bool" in text
     assert 'odd_port: str = argument("text", "port odd-port", name="odd-port")' in text
     assert len(remarks(imported, STUB)) == 1
+
+
+def test_an_undeclared_port_that_later_nodes_read_is_an_output(tmp_path: Path) -> None:
+    node = """<Sequence><ChooseMode speed="{speed}" mode="{mode}"/>
+      <Switch2 variable="{mode}" case_1="a" case_2="b"><Go/><Stay/><Stay/></Switch2></Sequence>"""
+    imported = import_text(tmp_path, tree_text(node))
+    assert tree_lines(imported)[1:3] == ['  - choose_mode: {speed: "${speed}"}', "    as: mode"]
+    assert "the stub leaf 'choose_mode', whose output seems to be 'mode'" in remarks(imported, STUB)[0]
+
+
+def test_an_undeclared_port_of_an_entry_that_is_given_is_an_input(tmp_path: Path) -> None:
+    def first_line(before: str, port: str = "mode") -> str:
+        node = f'<Sequence>{before}<Choose {port}="{{mode}}"/><Say words="{{mode}}"/></Sequence>'
+        lines = tree_lines(import_text(tmp_path, tree_text(node)))
+        return next(line for line in lines if "choose" in line)
+
+    assert first_line("") == "  - choose:"
+    assert first_line("", "goal") == '  - choose: {goal: "${mode}"}'
+    assert first_line("<Script code=\"mode := 'a'\"/>") == '  - choose: {mode: "${mode}"}'

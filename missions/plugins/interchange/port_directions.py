@@ -1,0 +1,132 @@
+"""Directions of ports: as declared, as the tables of Nav2 and of leaves know, or as their use in trees suggests."""
+
+from collections import defaultdict
+from collections.abc import Iterator, Mapping
+
+from missions.plugins.interchange.blackboard import entry_of
+from missions.plugins.interchange.foreign_trees import (
+    ForeignProject,
+    NodeModel,
+    PortModel,
+    SourceTree,
+    call_ports,
+    is_pointer,
+    normal_form,
+    walk_elements,
+)
+from missions.plugins.interchange.leaf_rules import LeafRule
+from missions.plugins.interchange.node_kinds import (
+    COMMON_ATTRIBUTES,
+    CONDITION_ATTRIBUTES,
+    CONDITIONS,
+    END_ATTRIBUTES,
+    KINDS,
+    NAV2_OUTPUTS,
+)
+from missions.plugins.interchange.scripts import ScriptError, parse_script
+
+INPUT_NAMES = ("input", "in_", "target", "goal", "start")
+"""Beginnings of the names of ports that are inputs, whatever their use suggests."""
+
+Mention = tuple[str, str, str]
+"""Use of an entry: kind of the node, port, and entry. Other nodes than leaves have an empty kind."""
+
+
+def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) -> NodeModel:
+    """Return the declared model of a node, or one from the tables of Nav2 and of leaves."""
+    model = project.models.get(name) or NodeModel("Condition" if name in CONDITIONS else "")
+    known = rules[name].outputs if name in rules else ()
+    if not model.ports:
+        known = (*known, *NAV2_OUTPUTS.get(name, ()), *sorted(project.guessed_outputs.get(name, ())))
+    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}})
+
+
+def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, dict[str, PortModel]]:
+    """Return the output ports of each kind of node that some node stores in the blackboard."""
+    found = defaultdict[str, dict[str, PortModel]](dict)
+    for tree in project.trees():
+        for element in walk_elements(tree.body) if tree.body is not None else ():
+            kind, _ = normal_form(element, project)
+            model = model_of(project, kind, rules)
+            for port, value in element.attributes.items():
+                if port not in COMMON_ATTRIBUTES and is_pointer(value) and model.port(port).direction != "in":
+                    found[kind][port] = model.port(port)
+    return found
+
+
+def guess_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, set[str]]:
+    """Return the ports of undeclared leaves that seem to be outputs, by the ID of the leaf.
+
+    Such a leaf is the first node of its tree that names the entry, another port names it later, and no script sets it
+    and no other tree gives it.
+    """
+    given = _given_entries(project)
+    outputs, inputs = set[tuple[str, str]](), set[tuple[str, str]]()
+    for tree in project.trees():
+        first: dict[str, Mention] = {}
+        known = _set_entries(project, tree) | given[id(tree)]
+        for mention in _mentions(project, tree):
+            kind, port, entry = mention
+            before = first.setdefault(entry, mention)
+            if before[:2] != mention[:2]:
+                inputs.add((kind, port))
+                if entry not in known:
+                    outputs.add(before[:2])
+            elif entry in known:
+                inputs.add((kind, port))
+    found = defaultdict[str, set[str]](set)
+    for kind, port in outputs - inputs:
+        if kind and _is_undeclared(project, kind, rules) and not port.startswith(INPUT_NAMES):
+            found[kind].add(port)
+    return dict(found)
+
+
+def _is_undeclared(project: ForeignProject, kind: str, rules: Mapping[str, LeafRule]) -> bool:
+    has_model = kind in project.models and bool(project.models[kind].ports)
+    return not has_model and kind not in rules and kind not in NAV2_OUTPUTS and kind not in KINDS
+
+
+def _mentions(project: ForeignProject, tree: SourceTree) -> Iterator[Mention]:
+    """Yield all uses of entries in a tree, in the order of its nodes."""
+    for element in walk_elements(tree.body) if tree.body is not None else ():
+        kind, _ = normal_form(element, project)
+        is_leaf = kind not in KINDS and not element.children
+        for name, value in element.attributes.items():
+            if name in (*CONDITION_ATTRIBUTES, *END_ATTRIBUTES) or (name == "code" and "Script" in kind):
+                yield from (("", name, entry) for entry in _script_entries(value))
+            elif name not in COMMON_ATTRIBUTES and is_pointer(value):
+                yield (kind if is_leaf else ""), name, entry_of(value, name)
+
+
+def _script_entries(code: str) -> tuple[str, ...]:
+    try:
+        return parse_script(code).reads
+    except ScriptError:
+        return ()
+
+
+def _set_entries(project: ForeignProject, tree: SourceTree) -> set[str]:
+    """Return the entries that scripts and SetBlackboard nodes of a tree set."""
+    found = set[str]()
+    for element in walk_elements(tree.body) if tree.body is not None else ():
+        kind, _ = normal_form(element, project)
+        if kind == "SetBlackboard":
+            found.add(entry_of(element.attributes.get("output_key", "")))
+        for name, value in element.attributes.items():
+            if name in END_ATTRIBUTES or (name == "code" and "Script" in kind):
+                try:
+                    found |= {each.entry for each in parse_script(value).assignments}
+                except ScriptError:
+                    continue
+    return found
+
+
+def _given_entries(project: ForeignProject) -> dict[int, set[str]]:
+    """Return the entries of each tree that other trees give it."""
+    found = defaultdict[int, set[str]](set)
+    for tree in project.trees():
+        for element in walk_elements(tree.body) if tree.body is not None else ():
+            inner = project.find_tree(element.attributes.get("ID", ""), tree.file)
+            if normal_form(element, project)[0] == "SubTree" and inner is not None:
+                found[id(inner)] |= call_ports(project, inner, element).keys()
+    return found
