@@ -14,6 +14,7 @@ from missions.plugin import COMMAND_GROUPS as GROUPS
 from tests.missions.command import command
 
 FILES = (
+    "patrol.xml",
     "monday.mcap",
     "tuesday.mcap",
     "photo.jpg",
