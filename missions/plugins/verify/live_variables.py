@@ -50,18 +50,28 @@ The variables that are live while such a modifier runs are those of its child.
 """
 
 
-def live_while_running(tree: Step) -> Mapping[str, Names]:
-    """Return, by node key, the variables that a run may still read while the node runs.
+class LiveVariables(NamedTuple):
+    """Variables that a run may still read, by node key: while the node runs, and before it starts.
 
-    Only variables of the node's own mission are returned. The entry of a parent has only the variables that its own
-    next steps may read; the entries of its running children have the others. The steps of ``tree`` must be abstract
-    (see missions.plugins.verify.model), since a stand-in reads fewer variables than its leaf.
+    Only variables of the node's own mission are included. While a parent runs, its entry has only the variables that
+    its own next steps may read; the entries of its running children have the others.
+    """
+
+    running: Mapping[str, Names]
+    before: Mapping[str, Names]
+
+
+def live_variables(tree: Step) -> LiveVariables:
+    """Return the live variables of a mission.
+
+    The steps of ``tree`` must be abstract (see missions.plugins.verify.model), since a stand-in reads fewer variables
+    than its leaf.
     """
     analysis = LivenessAnalysis()
     while analysis.has_grown:
         analysis.has_grown = False
         analysis.live_before(tree, "1", LiveAfter(NO_NAMES, NO_NAMES))
-    return analysis.running
+    return LiveVariables(analysis.running, analysis.before)
 
 
 class LivenessAnalysis:
@@ -70,18 +80,19 @@ class LivenessAnalysis:
     def __init__(self) -> None:
         self.running: dict[str, Names] = {}
         self.has_grown = True
-        self._known: dict[str, Names] = {}
+        self.before: dict[str, Names] = {}
 
     def live_before(self, step: Step, key: str, live_after: LiveAfter) -> Names:
         """Return the variables that a run may still read when ``step`` starts.
 
-        The variables that are live during the step, and during the steps below it, are stored in ``running``.
+        The variables that are live during the step, and during the steps below it, are stored in ``running``, and the
+        returned ones in ``before``.
         """
         children = tuple(
             partial(self.live_before, child, f"{key}.{place}") for place, child in enumerate(step.children, start=1)
         )
         reads = names_read(step.arguments.values())
-        again = self._known.get(key, NO_NAMES)
+        again = self.before.get(key, NO_NAMES)
         found, running = NO_NAMES, NO_NAMES
         if step.leaf is not None:
             found = running = reads | (live_after.success - _stored_names(step)) | live_after.failure
@@ -124,7 +135,7 @@ class LivenessAnalysis:
             running = found if kind.reactive else NO_NAMES
         self.running[key] = running
         self.has_grown = self.has_grown or found != again
-        self._known[key] = found
+        self.before[key] = found
         return found
 
 

@@ -48,7 +48,7 @@ from missions.plugins.verify.abstract_values import (
     widen,
 )
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.live_variables import live_while_running
+from missions.plugins.verify.live_variables import live_variables, names_read
 from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
 from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, report_of, stand_in_class, wait_seconds
@@ -333,7 +333,7 @@ class ScopeSnapshots:
     ) -> None:
         self._nodes = nodes
         self._scopes = (variables, *(node.inner for node in nodes if isinstance(node, Submission)))
-        self._live = live_while_running(tree)
+        self._live = live_variables(tree)
         self._hidden = hidden or (frozenset(),) * len(self._scopes)
         self._live_in: dict[Rows, tuple[frozenset[str] | None, ...]] = {}
         self._restored: tuple[Scope, ...] = ()
@@ -367,11 +367,28 @@ class ScopeSnapshots:
         halting = any(isinstance(node, Parent) and node.ending is not None for node in self._nodes)
         if halting or self._nodes[0].status is not RUNNING:
             return (None,) * len(self._scopes)
-        live: dict[int, set[str]] = defaultdict(set)
+        live: defaultdict[int, set[str]] = defaultdict(set)
         for node in self._nodes:
             if node.status is RUNNING:
-                live[id(node.scope)] |= self._live[node.key]
+                live[id(node.scope)] |= self._live.running[node.key]
+                if isinstance(node, Parent) and not _has_running_member(node):
+                    self._add_live_at_start(node, live)
         return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
+
+    def _add_live_at_start(self, node: Parent, live: defaultdict[int, set[str]]) -> None:
+        """Add what ``node`` may read when it, or one of its members, starts: it waits for a sensor before that.
+
+        A sub-mission may also wait for the sensors of its results.
+        """
+        live[id(node.scope)].update(self._live.before[node.key])
+        for member in node.members:
+            live[id(member.scope)].update(self._live.before[member.key])
+        if isinstance(node, Submission):
+            live[id(node.inner)].update(names_read(node.returns.values()))
+
+
+def _has_running_member(node: Parent) -> bool:
+    return not node.unstarted and any(member.status is RUNNING for member in node.members)
 
 
 def _select(scope: Scope, names: frozenset[str] | None, hidden: frozenset[str]) -> Mapping[str, object]:

@@ -14,7 +14,7 @@ from missions.language.plan import Plan, Step
 from missions.library.shipped import load_mission
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.explore import PROVED, REFUTED, StateSpace
-from missions.plugins.verify.live_variables import live_while_running, names_read
+from missions.plugins.verify.live_variables import LiveVariables, live_variables, names_read
 from missions.plugins.verify.model import MissionModel, abstract_step
 from missions.plugins.verify.rule_monitor import RuleMonitor
 from missions.plugins.verify.verdicts import MAX_STATES, RuleChecker, verify
@@ -26,7 +26,7 @@ def live_at(word: str, tree: str) -> set[str]:
     step = abstract_step(
         plan_of(f"sequence: [{{set: {{a: 1, b: 2}}}}, {tree}]").tree, Oracle(), RuleMonitor(), frozenset()
     )
-    live = live_while_running(step)
+    live = live_variables(step).running
     (key,) = (key for key, each in keyed(step, "1").items() if each.kind == word)
     return set(live[key])
 
@@ -199,13 +199,14 @@ def test_when_a_time_began_that_nobody_knows_tells_no_states_apart_and_it_may_be
 # Against an exploration that forgets nothing
 
 
-def everything(tree: Step) -> dict[str, frozenset[str]]:
+def everything(tree: Step) -> LiveVariables:
     """All variables, of every node."""
     names = names_read(value for step in tree.walk() for value in (*step.arguments.values(), *step.returns.values()))
     stored = {step.output_variable for step in tree.walk() if step.output_variable is not None}
     stored |= {name for step in tree.walk() if step.leaf is not None for name in step.arguments}
     stored |= {name for step in tree.walk() if step.kind == MISSION for name in (*step.arguments, *step.returns)}
-    return dict.fromkeys(keyed(tree, "1"), names | stored)
+    each = dict.fromkeys(keyed(tree, "1"), names | stored)
+    return LiveVariables(each, each)
 
 
 def ways(plan: Plan) -> tuple[set[object], list[tuple[str, str]], dict[str, int], int]:
@@ -223,7 +224,7 @@ def ways(plan: Plan) -> tuple[set[object], list[tuple[str, str]], dict[str, int]
 def same_without_forgetting(plan: Plan) -> tuple[int, int]:
     """How many states there are with and without forgetting, after a check that no more than that differs."""
     *merged, fewer = ways(plan)
-    with patch("missions.plugins.verify.model.live_while_running", everything):
+    with patch("missions.plugins.verify.model.live_variables", everything):
         *whole, more = ways(plan)
     assert merged == whole
     assert fewer <= more
