@@ -7,8 +7,9 @@ from pathlib import Path
 
 from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
 from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES
+from missions.plugins.interchange.py_trees_xml import adapt_py_trees, is_py_trees
 from missions.plugins.interchange.report import LOST, ImportReport
-from missions.plugins.interchange.xml_reader import Element, read_xml
+from missions.plugins.interchange.xml_reader import Element, read_xml, walk_elements
 
 MAX_FILES = 2_000
 """Maximum files of a folder."""
@@ -19,6 +20,10 @@ EXPLICIT_ROLES = ("Action", "Condition", "Control", "Decorator", "SubTree", "Sub
 GENERIC_TREE_NAMES = frozenset({"maintree", "main", "behaviortree", "tree", "root", "untitled", "bt", "navigation"})
 """Names of trees that say less than the name of their file."""
 
+INCLUDES = ("include", "import")
+"""Elements that name another file, in small letters."""
+
+OUTPUT_NAMES = ("output", "out")
 DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "inout"}
 
 
@@ -43,7 +48,7 @@ class NodeModel:
         """Return a declared port; the direction of others follows from their names."""
         if name in self.ports:
             return self.ports[name]
-        is_output = name.startswith(("output_", "out_")) or name in ("output", "out")
+        is_output = name.startswith(("output_", "out_")) or name.endswith(("_out", "_output")) or name in OUTPUT_NAMES
         return PortModel("out" if is_output else "in")
 
 
@@ -158,24 +163,31 @@ def _read_file(project: ForeignProject, path: Path, report: ImportReport, chain:
     root = read_xml(path, _display_name(path, project.folder))
     if root.tag != "root":
         raise root.fault(NOT_A_TREE)
+    if is_py_trees(root):
+        adapt_py_trees(root)
     file = TreeFile(path, root, _version(root))
-    named_main = root.attributes.get("main_tree_to_execute", "")
+    _read_elements(project, file, report)
+    project.files[where] = file
     for element in root.children:
+        if element.tag.lower() in INCLUDES:
+            _include(project, file, element, report, (*chain, where))
+    file.visible = {**file.visible, **file.trees}
+    return file
+
+
+def _read_elements(project: ForeignProject, file: TreeFile, report: ImportReport) -> None:
+    """Add the trees and models of a file, and mark its main tree."""
+    named_main = file.root.attributes.get("main_tree_to_execute", "")
+    for element in file.root.children:
         if element.tag == "BehaviorTree":
             _add_tree(file, element, report)
         elif element.tag in ("TreeNodesModel", "TreeNodeModel"):
             _add_models(project, element)
-        elif element.tag.lower() not in ("include", "import"):
+        elif element.tag.lower() not in INCLUDES:
             report.add(LOST, element, "an unknown element under <root>")
-    project.files[where] = file
     main = file.trees.get(named_main) or (next(iter(file.trees.values())) if len(file.trees) == 1 else None)
     if main is not None:
         main.is_main = True
-    for element in root.children:
-        if element.tag.lower() == "include":
-            _include(project, file, element, report, (*chain, where))
-    file.visible = {**file.visible, **file.trees}
-    return file
 
 
 def _display_name(path: Path, folder: Path) -> str:
@@ -186,7 +198,7 @@ def _include(
     project: ForeignProject, file: TreeFile, element: Element, report: ImportReport, chain: tuple[Path, ...]
 ) -> None:
     """Read an included file, if it lies in the folder of the project. Raises InvalidFileError for a cycle."""
-    name = element.attributes.get("path") or element.attributes.get("file") or ""
+    name = next((element.attributes[each] for each in ("path", "file", "src") if element.attributes.get(each)), "")
     if not name or "ros_pkg" in element.attributes or "\0" in name:
         report.add(LOST, element, "includes from a ROS package are not followed: import its folder")
         return
@@ -220,13 +232,6 @@ def _is_version_4(element: Element) -> bool:
     return element.tag == "SubTree" and any(
         is_pointer(value) for name, value in element.attributes.items() if name not in ("ID", "name")
     )
-
-
-def walk_elements(element: Element) -> Iterator[Element]:
-    """Yield an element and all elements below it."""
-    yield element
-    for child in element.children:
-        yield from walk_elements(child)
 
 
 def is_pointer(value: str) -> bool:

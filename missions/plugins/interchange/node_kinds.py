@@ -1,4 +1,4 @@
-"""Kinds of nodes of BehaviorTree.CPP, Nav2 and MoveIt Pro: their words in missions, ports and differences.
+"""Kinds of nodes of BehaviorTree.CPP, Nav2, MoveIt Pro and py_trees: words in missions, ports and differences.
 
 Import and export read these tables. Versions 3 and 4 differ in a few names and ports.
 """
@@ -120,7 +120,23 @@ MOVEIT_PRO_KINDS: Mapping[str, ForeignKind] = {
 }
 """Decorators of MoveIt Pro."""
 
-KINDS: Mapping[str, ForeignKind] = {**BTCPP_KINDS, **NAV2_KINDS, **MOVEIT_PRO_KINDS}
+PY_TREES_KINDS: Mapping[str, ForeignKind] = {
+    "FailureIsSuccess": ForeignKind("decorator", "on_failure", {"on_failure": "succeed"}),
+    "SuccessIsFailure": ForeignKind("decorator", "on_success", {"on_success": "fail"}),
+    "RunningIsFailure": ForeignKind("decorator", "on_running", {"on_running": "fail"}),
+    "RunningIsSuccess": ForeignKind("decorator", "on_running", {"on_running": "succeed"}),
+    "SuccessIsRunning": ForeignKind("decorator", "repeat", {"repeat": "forever"}),
+    "FailureIsRunning": ForeignKind("decorator", "retry", {"retry": "forever"}),
+    "Retry": ForeignKind("decorator", "retry", port="num_failures", ports={"num_failures": ""}),
+    "OneShot": ForeignKind(
+        "decorator", "once", {"once": True}, ports={"policy": ""}, difference="a failure counts as an end, too"
+    ),
+    "PassThrough": _decorator(),
+    "Count": _decorator(difference="its counts are not kept"),
+}
+"""Decorators of py_trees, beside those with a name of BehaviorTree.CPP."""
+
+KINDS: Mapping[str, ForeignKind] = {**BTCPP_KINDS, **NAV2_KINDS, **MOVEIT_PRO_KINDS, **PY_TREES_KINDS}
 
 OLD_NAMES: Mapping[str, str] = {
     "SequenceStar": "SequenceWithMemory",
@@ -142,6 +158,7 @@ OLD_PORTS: Mapping[tuple[str, str], str] = {
     ("Parallel", "threshold"): "success_count",
     ("Timeout", "timeout_ms"): "msec",
     ("Delay", "msec"): "delay_msec",
+    ("Repeat", "num_success"): "num_cycles",
 }
 """Older names of ports, each with the present one."""
 

@@ -12,7 +12,6 @@ from missions.plugins.interchange.foreign_trees import (
     call_ports,
     is_pointer,
     normal_form,
-    walk_elements,
 )
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.node_kinds import (
@@ -24,6 +23,7 @@ from missions.plugins.interchange.node_kinds import (
     NAV2_OUTPUTS,
 )
 from missions.plugins.interchange.scripts import ScriptError, parse_script
+from missions.plugins.interchange.xml_reader import walk_elements
 
 INPUT_NAMES = ("input", "in_", "target", "goal", "start")
 """Beginnings of the names of ports that are inputs, whatever their use suggests."""
@@ -60,7 +60,7 @@ def guess_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dic
     Such a leaf is the first node of its tree that names the entry, another port names it later, and no script sets it
     and no other tree gives it.
     """
-    given = _given_entries(project)
+    given = _entries_given_by_others(project)
     outputs, inputs = set[tuple[str, str]](), set[tuple[str, str]]()
     for tree in project.trees():
         first: dict[str, Mention] = {}
@@ -121,7 +121,7 @@ def _set_entries(project: ForeignProject, tree: SourceTree) -> set[str]:
     return found
 
 
-def _given_entries(project: ForeignProject) -> dict[int, set[str]]:
+def _entries_given_by_others(project: ForeignProject) -> dict[int, set[str]]:
     """Return the entries of each tree that other trees give it."""
     found = defaultdict[int, set[str]](set)
     for tree in project.trees():

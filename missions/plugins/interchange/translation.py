@@ -145,6 +145,8 @@ def _decorator(
         return None
     if kind in _DECORATORS:
         return _DECORATORS[kind](tree, element, kind, skip_as)
+    if not known.word:
+        return tree.node(element.children[0], skip_as, kind)
     if kind in nav2.PACED:
         return nav2.pace_alone(tree, element, kind, skip_as, parent)
     inner_skip: SkipAs = skip_as

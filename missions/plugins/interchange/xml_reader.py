@@ -5,6 +5,7 @@ reader open another file or grow in memory. Nothing but the given text is read.
 """
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -53,6 +54,13 @@ class Element:
     def fault(self, message: str, hint: str = "") -> InvalidFileError:
         """Return an error at this element."""
         return InvalidFileError([Diagnostic(self.source, Mark(self.line, self.column), message, hint)])
+
+
+def walk_elements(element: Element) -> Iterator[Element]:
+    """Yield an element and all elements below it."""
+    yield element
+    for child in element.children:
+        yield from walk_elements(child)
 
 
 def read_xml(path: Path, name: str | None = None) -> Element:
