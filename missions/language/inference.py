@@ -11,7 +11,15 @@ from config.diagnostics import Diagnostic, Mark, SourceText, suggest_from
 from config.units import NUMBER, UNITS, DimensionError, common_dimension, is_unit, parse_quantity
 from config.yaml_nodes import Scalar
 from drivers.api.fast_dataclass import dataclass
-from missions.language.expressions import Expression, Template, Value, divide_hint, multiply_hint, needs_message
+from missions.language.expressions import (
+    DataTemplate,
+    Expression,
+    Template,
+    Value,
+    divide_hint,
+    multiply_hint,
+    needs_message,
+)
 from missions.language.kinds import (
     CONSTANTS,
     FLAG,
@@ -234,11 +242,25 @@ def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
     match value.template:
         case None:
             return kind_of_value(value.constant)
+        case DataTemplate(data=data):
+            return _kind_of_data(data, kinds)
         case Template(parts=()):
             return None
         case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
             return TypeInference(kinds).kind(tree)
     return TEXT
+
+
+def _kind_of_data(data: object, kinds: Mapping[str, Kind]) -> Kind:
+    """Return the kind of nested lists and mappings with a ``Value`` in place of each plain value."""
+    if isinstance(data, Value):
+        return kind_of_result(data, kinds)
+    if isinstance(data, Mapping):
+        return RecordKind("a mapping", members={str(key): _kind_of_data(each, kinds) for key, each in data.items()})
+    kind: Kind = UNSETTLED
+    for each in data if isinstance(data, list) else ():
+        kind = join_kinds(kind, _kind_of_data(each, kinds))
+    return ListKind(kind)
 
 
 @dataclass(frozen=True, slots=True)
