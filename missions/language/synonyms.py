@@ -1,4 +1,4 @@
-"""Synonyms: words of other systems in missions, and suggestions for unknown words.
+"""Synonyms: words of other systems in missions, and "did you mean" for unknown words.
 
 An unknown word is first looked up as a synonym; only then is a word with a similar spelling suggested. Some words of
 other systems need more than one word of ours: ``PHRASE_SYNONYMS`` has the form to write. ``UNMATCHED_WORDS`` have no

@@ -1,4 +1,4 @@
-"""Statistics of each node of a recorded tree, from its status changes.
+"""Statistics of each node of a recorded tree (success rate, duration), from its status changes.
 
 A record does not contain all ticks: it lacks those in which a node returns the same status again, and does not tell
 whether a halted node was ticked earlier in the same tick. Both are inferred from the composites and modifiers above the
