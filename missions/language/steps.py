@@ -320,7 +320,7 @@ def _read_modifiers(context: CheckContext, node: Mapping, step: Step) -> Step:
 
 
 _OWNER_HINTS = {RETRY: "add 'retry: 3' for the number of attempts", FINALLY: "add 'finally' with a behaviour"}
-"""Hints for a key without the modifier that it belongs to."""
+"""Hints, by modifier, for a key that stands without this modifier, such as ``recover`` without ``retry``."""
 
 
 def _read_member(context: CheckContext, node: Node, word: str) -> Step:

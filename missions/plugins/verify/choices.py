@@ -39,7 +39,7 @@ class Oracle:
         self.conditions: dict[int, tuple[object, Exception | None]] = {}
 
     def follow(self, script: Script) -> None:
-        """Begin a step whose first choices are those of ``script``."""
+        """Begin a step of the exploration: make the choices in ``script``, then always take the first option."""
         self._script = script
         self.choices, self.reports, self.all_sensors_report, self.conditions = [], {}, True, {}
 

@@ -20,7 +20,10 @@ from missions.language.plan import Step
 from missions.plugins.verify.abstract_values import NondetValue
 
 MAX_NUMBER = 1e6
-"""Largest constant in sums that count as never failing: they stay far within the range of numbers."""
+"""Maximum of a constant number in a sum that is treated as always computable.
+
+Sums of such numbers stay far below the largest number that a mission accepts.
+"""
 
 
 class Variable(NamedTuple):
