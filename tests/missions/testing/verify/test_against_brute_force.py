@@ -248,12 +248,13 @@ def compare_shortest_ways(found: Plan, seconds: float) -> None:
 
 
 @settings(max_examples=40)
+@example("reactive_sequence: [{scene_uniform: 1 s, on_failure: succeed}], once: true")
 @given(trees(MODIFIERS))
 def test_the_shortest_way_to_each_end_is_that_of_all_short_runs(tree: str) -> None:
     found = plan(tree)
     if found is None:
         return
-    compare_shortest_ways(found, 0.0)
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
 
 
 @settings(max_examples=40)
@@ -286,7 +287,7 @@ def test_shortest_ways_past_recoveries_and_cleanups_match_brute_force(tree: str)
     found = plan(tree)
     if found is None:
         return
-    compare_shortest_ways(found, 0.0)
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
 
 
 @settings(max_examples=40)
