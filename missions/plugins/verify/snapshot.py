@@ -128,18 +128,27 @@ class Snapshots:
     def marks(self, ticking: Collection[int]) -> tuple[tuple[int, bool | None, bool], ...]:
         """Return the nodes that were suspended or skipped in this tick, with both facts; ``ticking`` as above.
 
-        For a suspension, the fact is whether its time is over.
+        For a suspension, the fact is whether its time is over. Only the parent of a node reads them, while it runs.
         """
         found = []
         for number, part in enumerate(self._parts):
             suspension, is_skipped = part.own["suspension"], part.own["is_skipped"]
-            if (suspension is not None or is_skipped) and number not in ticking:
+            if (suspension is None and not is_skipped) or number in ticking or part.parent is None:
+                continue
+            if part.parent in ticking or self._parts[part.parent].node.status is RUNNING:
                 found.append((number, None if suspension is None else suspension.timed_out, is_skipped))
         return tuple(found)
 
     def stopped_in(self, tick: int) -> tuple[bool, ...]:
-        """Return for each leaf, and each ``finally``, whether its halt or its cleanup was ticked in ``tick``."""
-        return tuple(tick in (own.get("_halt_tick"), own.get("_cleanup_tick")) for own in self._stopping)
+        """Return for each leaf, and each ``finally``, whether it is stopping, and its halt was ticked in ``tick``.
+
+        For a ``finally``, that is its cleanup.
+        """
+        return tuple(
+            tick in (own.get("_halt_tick"), own.get("_cleanup_tick"))
+            and (own.get("_halt_by") is not None or own.get("_cleanup_since") is not None)
+            for own in self._stopping
+        )
 
     def _running_row(self, part: NodeFields, place: int, instants: dict[int, float]) -> int:
         """Return the number of the row of a node that runs."""
