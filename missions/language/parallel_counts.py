@@ -57,7 +57,7 @@ ALL_CHILDREN = "all"
 
 @dataclass(frozen=True, slots=True)
 class ParallelDecision:
-    """When a parallel ends: after ``successes`` successes or ``failures`` failures of its children.
+    """Condition after which a parallel ends: a number of ``successes`` or of ``failures`` among its children.
 
     With ``waits_for_all``, it ends when all children have ended, and succeeds if fewer than ``failures`` failed.
     """

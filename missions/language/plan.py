@@ -140,7 +140,10 @@ class PlaceholderLeaf(Leaf):
 
 
 def composite_kind(step: Step) -> CompositeKind | None:
-    """Return the kind of a composite with a list of children, given the keys beside it; None for other steps."""
+    """Return the kind of a composite with a list of children; None for other steps.
+
+    A ``selector`` with ``in_turn`` has a kind of its own.
+    """
     kind = COMPOSITES.get(step.kind)
     return IN_TURN_SELECTOR if kind is not None and IN_TURN in step.arguments else kind
 

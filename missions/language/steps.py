@@ -324,7 +324,7 @@ _OWNER_HINTS = {RETRY: "add 'retry: 3' for the number of attempts", FINALLY: "ad
 
 
 def _read_member(context: CheckContext, node: Node, word: str) -> Step:
-    """Return the step of the behaviour after ``recover`` or ``finally``, which may read the failure around it."""
+    """Return the step of the behaviour after ``recover`` or ``finally``; it may read why the node before it failed."""
     if isinstance(node, Scalar) and node.value is None:
         context.fault(node.mark, f"'{word}' needs a behaviour", f"write {word}: {{say: ...}}")
         return _placeholder(context, node)
