@@ -1,7 +1,4 @@
-"""Blackboard of BehaviorTree.CPP in missions: each entry of a tree's blackboard becomes a variable of its mission.
-
-This module finds the variables' names and kinds of values, and the params and results of each mission.
-"""
+"""Entries of blackboards as variables: their names, kinds of values, and the params and results of each mission."""
 
 import re
 from collections import defaultdict
@@ -18,19 +15,16 @@ from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError
 from missions.plugins.interchange.xml_reader import Element
 
 ROOT_ENTRY = "@"
-"""Prefix of a blackboard entry that belongs to the main tree, wherever it is used: ``{@x}``."""
+"""Prefix of entries of the blackboard of the main tree: ``{@x}``."""
 
 MAX_NAME_LENGTH = 80
-"""Maximum characters of a variable's name; a longer name of a blackboard entry is cut."""
+"""Maximum characters of the name of a variable."""
 
 RESERVED = frozenset({*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, FAILURE_NAME})
 
 
 class VariableNames:
-    """Names of the mission variables that stand for the blackboard entries of one tree.
-
-    A variable has the name of its entry, unless missions do not allow the name; ``renamed`` has such entries.
-    """
+    """Names of variables for the entries of one tree; each entry keeps its name where missions allow it."""
 
     def __init__(self, *, is_main: bool) -> None:
         self._is_main = is_main
@@ -39,7 +33,7 @@ class VariableNames:
         self.renamed: dict[str, str] = {}
 
     def name(self, entry: str) -> str:
-        """Return the name of the variable that stands for a blackboard entry."""
+        """Return the variable of an entry."""
         if entry.startswith(ROOT_ENTRY) and self._is_main:
             entry = entry.removeprefix(ROOT_ENTRY)
         if entry not in self._names:
@@ -51,11 +45,11 @@ class VariableNames:
         return self._names[entry]
 
     def known(self) -> dict[str, str]:
-        """Return the names of all variables so far, by the name of their blackboard entry."""
+        """Return the variables by their entries."""
         return dict(self._names)
 
     def fresh(self, wish: str, first_number: int = 0) -> str:
-        """Return a name that no variable of the mission has yet: ``wish``, or ``wish`` with a suffix such as ``_2``."""
+        """Return a name that no variable has yet: ``wish``, or ``wish`` with a suffix."""
         plain = re.sub(r"\W", "_", wish)[:MAX_NAME_LENGTH] or "entry"
         plain = plain if plain[0].isalpha() or plain[0] == "_" else f"entry_{plain}"
         found, number = plain, first_number
@@ -68,11 +62,9 @@ class VariableNames:
 
 @dataclass(frozen=True, slots=True)
 class SubtreeCall:
-    """A SubTree node: it runs ``tree``, with a value for each port.
+    """A SubTree node: the tree, and its ports, each a constant or the entry of the caller.
 
-    ``entries`` maps a port to the entry of the calling tree's blackboard that it is connected to, ``constants`` maps a
-    port to its constant value. With ``shares_names`` (BehaviorTree.CPP: ``_autoremap``), each other entry of the called
-    tree is connected to the caller's entry of the same name.
+    With ``shares_names``, all other entries have the same names in both.
     """
 
     tree: SourceTree
@@ -83,7 +75,7 @@ class SubtreeCall:
 
 
 class EntryKinds:
-    """Kinds of the values of blackboard entries, from scripts and constants: number, flag or text; None if unknown."""
+    """Kinds of the values of entries, from scripts and constants: number, flag, text, or None."""
 
     def __init__(self, project: ForeignProject) -> None:
         self._found: dict[tuple[int, str], set[str | None]] = defaultdict(set)
@@ -98,7 +90,7 @@ class EntryKinds:
                 self._found[one], self._found[other] = set(both), set(both)
 
     def of(self, tree: SourceTree) -> dict[str, str | None]:
-        """Return the kinds of values of the blackboard entries of a tree, by the name of the entry."""
+        """Return the kinds of the entries of a tree."""
         return {entry: _one_kind(kinds) for (owner, entry), kinds in self._found.items() if owner == id(tree)}
 
     def _note_tree(self, project: ForeignProject, tree: SourceTree) -> None:
@@ -146,13 +138,13 @@ def _one_kind(kinds: set[str | None]) -> str | None:
 
 
 def kind_of_constant(text: str) -> str:
-    """Return the kind of the constant ``text`` in a port: number, flag or text."""
+    """Return the kind of a constant of a port."""
     value = constant_value(text)
     return FLAG if isinstance(value, bool) else NUMBER if isinstance(value, int | float) else TEXT
 
 
 def constant_value(text: str) -> float | bool | str:
-    """Return the constant in a port of an XML node as a number, or as True or False, otherwise as its text."""
+    """Return a constant of a port: a number, true or false, else the text."""
     word = text.strip()
     if word in ("true", "True", "false", "False"):
         return word.lower() == "true"
@@ -162,10 +154,7 @@ def constant_value(text: str) -> float | bool | str:
 
 
 def entry_of(value: str, port: str = "") -> str:
-    """Return the name of the blackboard entry in a port's value: ``x`` for ``{x}`` and for ``x``.
-
-    For ``{=}`` it is the name of the ``port``.
-    """
+    """Return the entry of a pointer or a plain name; ``{=}`` is the name of the port."""
     text = value.strip()
     if is_pointer(text):
         text = text.removeprefix("$")[1:-1].strip()
@@ -178,11 +167,11 @@ ANY_VALUE = Verbatim("{type: value}")
 
 @dataclass(slots=True)
 class MissionInterface:
-    """Variables of a mission that its callers must know.
+    """Variables of a mission: ``params`` with their defaults or declarations.
 
-    ``params`` has the default of each param, or its declaration in the mission file. ``needs`` are the variables that
-    the mission reads before it sets them. ``sets`` are all variables that it sets, ``surely_set`` those that are set
-    whenever it succeeds.
+    ``needs`` are the variables that it reads before it sets them.
+
+    ``sets`` are all variables that the mission sets, ``surely_set`` those that it sets whenever it succeeds.
     """
 
     needs: dict[str, None] = field(default_factory=dict)
@@ -192,17 +181,14 @@ class MissionInterface:
 
 
 class Dataflow:
-    """Finds the variables that a mission reads before it sets them, by following its steps in the order of a run."""
+    """Finds the variables that a mission reads before it sets them, following the order of its steps."""
 
     def __init__(self) -> None:
         self.needs: dict[str, None] = {}
         self.sets: dict[str, None] = {}
 
     def follow(self, step: MissionStep, known: frozenset[str]) -> frozenset[str]:
-        """Note the variables that ``step`` reads and sets; return those that are set after it has succeeded.
-
-        ``known`` are the variables that are set before it.
-        """
+        """Return the variables that are set after a success of ``step``."""
         self._read(step.reads, known)
         for key in MODIFIERS:
             if key in step.keys and key not in ("recover", "finally"):
@@ -248,7 +234,7 @@ class Dataflow:
 
 
 def _keeps_success(key: str, value: object) -> bool:
-    """Return whether a node with the modifier ``key`` can only succeed if the node without it has succeeded."""
+    """Return whether a success of the modified node means that the node itself has succeeded."""
     del value
     return key in ("timeout", "retry", "while", "delay", "hold", "finally", "recover", "name")
 
@@ -256,10 +242,9 @@ def _keeps_success(key: str, value: object) -> bool:
 def fill_call(
     step: MissionStep, call: SubtreeCall, inner: MissionInterface, names: VariableNames, port_of: dict[str, str]
 ) -> None:
-    """Write ``with`` and ``returns`` beside a ``mission`` step, and note the variables of the caller that it uses.
+    """Write ``with`` and ``returns`` beside a ``mission`` step, and note the variables that it reads and sets.
 
-    ``call`` is the SubTree node of the step, ``inner`` the interface of the called mission, and ``names`` are the names
-    of the caller's variables. ``port_of`` has the blackboard entry of each variable of the called mission.
+    ``port_of`` are the entries of the inner tree by the names of their variables.
     """
     given, returned = dict[str, object](), dict[str, object]()
     reads, sets = list[str](), list[str]()
@@ -287,7 +272,7 @@ def fill_call(
 
 
 def give_missing_params(step: MissionStep, inner: MissionInterface) -> None:
-    """Pass null for each param of a called mission that this call omits, although the param has no default."""
+    """Give null for each param of a called mission that this caller leaves out but others give."""
     given = step.keys.get("with")
     known = given if isinstance(given, dict) else {}
     missing = {name: None for name, value in inner.params.items() if value is ANY_VALUE and name not in known}
@@ -296,7 +281,7 @@ def give_missing_params(step: MissionStep, inner: MissionInterface) -> None:
 
 
 def _outer_entry(call: SubtreeCall, entry: str) -> str | None:
-    """Return the entry of the caller's blackboard that an entry of the called tree is connected to; None without."""
+    """Return the caller's entry for an entry of the inner tree; None if there is none."""
     if entry.startswith(ROOT_ENTRY):
         return entry
     if entry in call.entries:

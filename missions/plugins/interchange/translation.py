@@ -1,4 +1,4 @@
-"""Translation of trees of other programs to steps of missions: selects the function for each kind of node."""
+"""Trees of BehaviorTree.CPP, Nav2 and MoveIt Pro as steps of missions: the dispatcher over the kinds of nodes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,6 +19,7 @@ from missions.plugins.interchange.node_kinds import (
     WITHOUT_COUNTERPART,
     ForeignKind,
 )
+from missions.plugins.interchange.own_nodes import translate_call, translate_own
 from missions.plugins.interchange.report import DIFFERS, LOST, RENAMED, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable
 from missions.plugins.interchange.xml_reader import Element
@@ -26,10 +27,9 @@ from missions.plugins.interchange.xml_reader import Element
 
 @dataclass(slots=True)
 class TranslatedTree:
-    """A tree as steps of a mission: ``root`` is the first step, ``calls`` the ``mission`` steps of SubTree nodes.
+    """Steps of one tree, with its calls of other trees and the initial values of additional variables.
 
-    ``names`` are the names of its variables; ``entries`` has the blackboard entry of each variable. ``initial`` has the
-    initial values of variables that the translation has added.
+    ``entries`` are the entries of the blackboard by the names of their variables.
     """
 
     tree: SourceTree
@@ -49,10 +49,7 @@ def translate_tree(
     leaves_by_tag: Mapping[str, type[Leaf]],
     report: ImportReport,
 ) -> TranslatedTree:
-    """Return a tree as steps of a mission. All trees of an import share ``kinds``, ``stubs`` and ``report``.
-
-    ``rules`` say which leaves of missions replace leaves of the tree; ``leaves_by_tag`` are the leaves of missions.
-    """
+    """Return the steps of a tree; stubs, the report and the kinds of entries are shared by all trees."""
     context = TreeContext(project, tree, kinds, rules, stubs, leaves_by_tag, report, _translate_node)
     root = MissionStep("succeed") if tree.body is None else context.node(tree.body, "success", "")
     for entry, name in context.names.renamed.items():
@@ -62,9 +59,11 @@ def translate_tree(
 
 def _translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
     kind, role = normal_form(element, tree.project)
-    step = _by_kind(tree, element, kind, role, skip_as, parent)
+    step = translate_own(tree, element, skip_as)
+    if step is None:
+        step = _by_kind(tree, element, kind, role, skip_as, parent)
+        _note_dropped(tree, element, kind)
     step.comments = [*element.comments, *description_of(element), *step.comments, *element.last_comments]
-    _note_dropped(tree, element, kind)
     step.origin = element
     return with_conditions(tree, element, step, skip_as)
 
@@ -116,7 +115,7 @@ def _known_parent(
 
 
 def _unknown_parent(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
-    """Return a sequence for a control node or decorator without a counterpart: a stub leaf, then its children."""
+    """Return a stub in front of the children of an unknown control node or decorator."""
     tree.report.stubbed[kind] += 1
     stub = leaves.stub_step(tree, element, kind, role)
     children = tree.children(element, "success")
@@ -129,10 +128,7 @@ def _unknown_parent(tree: TreeContext, element: Element, kind: str, role: str) -
 
 
 def _note_dropped(tree: TreeContext, element: Element, kind: str) -> None:
-    """Report the attributes of a node that have no meaning in a mission.
-
-    Ports of leaves and SubTree nodes are reported where they are read.
-    """
+    """Report attributes without a meaning here; ports of leaves and subtrees are noted where they are read."""
     known = KINDS.get(kind)
     for name in element.attributes:
         if name in COMMON_ATTRIBUTES or (kind == "SubTree" and name.startswith("_")):
@@ -186,6 +182,9 @@ def _subtree(tree: TreeContext, element: Element) -> MissionStep:
             constants[port] = constant_value(value)
     if inner is None or inner.body is None:
         return _missing_subtree(tree, element, name or "SubTree")
+    if (own := translate_call(tree, element, inner, name)) is not None:
+        tree.calls.append((own, SubtreeCall(inner, element, entries, constants, shares)))
+        return own
     step = tree.add_name(MissionStep("mission", name), element)
     tree.calls.append((step, SubtreeCall(inner, element, entries, constants, shares)))
     return step
