@@ -1,4 +1,4 @@
-"""Check for ``random`` in expressions that are evaluated at every tick, where its value would change all the time."""
+"""Random numbers in expressions that are evaluated at every tick: a mistake, since the value would never stay."""
 
 from config.diagnostics import Diagnostic, add_diagnostic
 from missions.language.arguments import CONDITION_KIND

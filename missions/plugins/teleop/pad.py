@@ -282,10 +282,7 @@ def read_absinfo(descriptor: int, axis: int) -> bytes:
 
 
 def make_pad(node: str, clock: Clock) -> Pad:
-    """Return the game pad at the device file ``node``; for ``FIRST_PAD``, the first pad that is plugged in.
-
-    Raises NotConnected for ``FIRST_PAD`` if no pad is plugged in.
-    """
+    """Return the pad at a node; the first one for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
     return Pad(find_pad() if node == FIRST_PAD else node, clock)
 
 

@@ -20,10 +20,7 @@ from missions.language.plan import Step
 from missions.plugins.verify.abstract_values import NondetValue
 
 MAX_NUMBER = 1e6
-"""Maximum of a constant number in a sum that is treated as always computable.
-
-Sums of such numbers stay far below the largest number that a mission accepts.
-"""
+"""Largest constant in sums that count as never failing: they stay far within the range of numbers."""
 
 
 class Variable(NamedTuple):
@@ -34,9 +31,9 @@ class Variable(NamedTuple):
 
 
 class Use(NamedTuple):
-    """A use of variables of ``mission``: ``value`` is computed from them, and may be stored in the variable ``target``.
+    """A value that is computed with the variables of ``mission``, and stored in ``target``; None if it is not stored.
 
-    ``target`` is None if the value is not stored. ``ignored`` is true if nothing depends on the value itself.
+    ``ignored`` is true if nothing depends on the value itself.
     """
 
     mission: int
@@ -54,10 +51,7 @@ def ineffective_variables(tree: Step, params: Mapping[str, object]) -> list[froz
 
 
 class _ValueFlow:
-    """Flow of values between the variables of all missions.
-
-    ``_opaque`` are variables that also get values from elsewhere than constants and uses, such as results of leaves.
-    """
+    """Flow of values between variables. ``_opaque`` are variables that are written by more than constants and uses."""
 
     def __init__(self, tree: Step, params: Mapping[str, object]) -> None:
         self._missions = 1

@@ -1,4 +1,4 @@
-"""CSV export and others: records as CSV tables, lines of JSON, or a folder of files."""
+"""Export of records as CSV tables, lines of JSON, or a folder of files."""
 
 import csv
 import json

@@ -208,7 +208,7 @@ DELAY_SCENARIOS = (
 """Scenarios of `--delays`: delays unknown to the robot, and motions that no prediction foresees."""
 
 JITTERS = (0.01, 0.02, 0.03)
-"""Maximum errors of time stamps in the scenarios of `mission controller bench --stamps`: seconds, early or late."""
+"""Jitter of time stamps in `--stamps`, in seconds to both sides."""
 
 STAMP_SCENARIOS = (
     *(
