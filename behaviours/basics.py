@@ -136,9 +136,9 @@ class Fail(Leaf):
 
 
 class Pretend(Leaf):
-    """Stub: give these outcomes in turn, one per tick, then start over.
+    """Stub: return the given outcomes in turn, one per tick; after the last, begin with the first again.
 
-    A halt or a restart does not rewind it.
+    After a halt or a restart, the next outcome follows; it does not begin with the first.
     """
 
     tag = "pretend"

@@ -29,7 +29,11 @@ Row = Annotated[tuple[str, ...], inside(wrong="row '{}' needs a list: [one concl
 
 @keys
 class RuleBaseKeys:
-    """Keys of a rule base: rules in words, or ``p`` and ``d``. The controller checks their meaning."""
+    """Keys of one rule base in a controller file.
+
+    A fuzzy controller has ``inputs``, ``output`` and ``rules``; a PD controller has the gains ``p`` and ``d`` instead.
+    Whether the values make sense is checked when the controller is created.
+    """
 
     inputs: Mapping[str, Mapping[str, object]] = key(
         default={}, help="Inputs, each with its terms: `{error: {left: 6 deg, ahead: 0 deg}}`."
@@ -86,7 +90,10 @@ class ControllerConfig:
 
 @dataclass(frozen=True, slots=True)
 class TunableNumber:
-    """Number in a controller file with its keys, its position ``mark``, and its unit as written."""
+    """A number in the rule bases of a controller file, which tuning may change: ``keys`` are the path of keys to it.
+
+    ``mark`` is its position in the file, ``unit`` its unit as written there.
+    """
 
     keys: tuple[str, ...]
     mark: Mark

@@ -18,7 +18,7 @@ HEADING = "# What `mission` takes where a command names nothing; docs/robots.md 
 
 @keys
 class DefaultsKeys:
-    """Keys of the defaults file."""
+    """Keys of the file with the user's defaults for commands, such as the robot and the world."""
 
     robot: str = key(
         default="",

@@ -52,7 +52,7 @@ class SourceKeys:
     offset: float = key("angle", default=0.0, help="Angle added after the factor.")
 
     def source(self) -> JointSource:
-        """Return the keys as a ``JointSource``."""
+        """Return a ``JointSource`` with the values of these keys: the columns that give the angle of a joint."""
         first, middle, last = self.points or ("", "", "")
         points = None if self.points is None else (first, middle, last)
         return JointSource(self.column or "", points, self.plane or "xyz", int(self.sign), self.offset)

@@ -1,4 +1,4 @@
-"""Robot files: parts, drivers, ports and limits of a robot."""
+"""Robot files: parts, drivers, ports and limits of a robot, with required keys and defaults."""
 
 import re
 from collections.abc import Mapping

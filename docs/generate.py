@@ -94,6 +94,10 @@ def mission_limits() -> str:
             "a list that a mission makes",
             f"{operators.MAX_MEMBERS:,} members, {operators.MAX_LIST_TEXT:,} characters of text",
         ),
+        (
+            "a list or a mapping with expressions in it",
+            f"{operators.MAX_DATA_VALUES:,} values, {operators.MAX_DATA_DEPTH} inside one another",
+        ),
         ("a whole number", f"{operators.MAX_NUMBER:,.0f}"),
         ("the power of a unit, such as 2 of `m^2`", f"{MAX_POWER}"),
     )

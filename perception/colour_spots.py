@@ -1,4 +1,4 @@
-"""Detection of balls and boxes of given colours in one picture, and the sense for coloured things."""
+"""Detection of balls and boxes of given colours (ranges in HSV) in one picture, and the sense for coloured things."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass

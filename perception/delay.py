@@ -221,10 +221,11 @@ class ExposedFrame:
 
 @dataclass(frozen=True, slots=True)
 class _TurnPicture:
-    """A picture taken during a turn: its stamp, and the yaw of the camera for each delay of ``GRID``.
+    """A picture taken while the camera turned: its time ``stamp``, and a possible yaw for each possible camera delay.
 
-    ``picture`` returns the picture with columns of equal angle (see ``perception.levelling``), computed at the first
-    call.
+    ``yaws`` has, for each delay in ``GRID``, the yaw (radians) that the camera had at the exposure if this delay is the
+    true one. ``picture`` returns the picture with columns of equal angle (see ``perception.levelling``), computed at
+    the first call.
     """
 
     stamp: float

@@ -89,9 +89,10 @@ RATE_WINDOW = 0.04
 """Standard deviation in seconds of the averaging window for turn rates."""
 
 UNRECORDED_LIKELIHOOD_SHARE = 0.8
-"""Likelihood that is assumed for a delay whose poses are not recorded yet, as a share of the average likelihood.
+"""Likelihood of a camera delay that cannot be tested yet, as a share of the average likelihood.
 
-It is below 1, so that such a delay slowly loses its weight.
+A delay cannot be tested while the camera pose at the time that it implies is not recorded. The share is below 1, so
+that the weight of an untested delay falls slowly.
 """
 
 MAX_POSE_AGE = 0.05

@@ -325,10 +325,12 @@ class RuleBases:
 
     @classmethod
     def from_mapping(cls, mapping: Mapping[str, Any]) -> "RuleBases":
-        """Create the rule bases from plain SI values: up to four rule bases, and ``predict``.
+        """Create the rule bases from the values of a controller file, in SI units without unit names.
 
-        A rule base is fuzzy (see ``Controller.from_mapping``), or ``{p, d, most}`` for a PD controller. Raises
-        ValueError for an invalid rule base, an unknown name or input, and if there is neither ``pan`` nor ``turn``.
+        The keys of ``mapping`` are ``pan``, ``tilt``, ``base`` and ``turn``, each with a rule base, and ``predict``, a
+        flag. A rule base is fuzzy (see ``Controller.from_mapping``), or ``{p, d, most}`` for a PD controller: two gains
+        and the maximum rate. Raises ValueError for an invalid rule base, an unknown key or input, and if there is
+        neither ``pan`` nor ``turn``.
         """
         rest = dict(mapping)
         predict = rest.pop("predict", True)

@@ -52,7 +52,9 @@ class DistortionKeys:
 class MarkerKeys:
     """Markers on other robots: their family, the side of the black frame in metres, and the robot of each number."""
 
-    family: str = key(default=MARKER_FAMILIES[0], among=MARKER_FAMILIES, help="Family of the markers.")
+    family: str = key(
+        default=MARKER_FAMILIES[0], among=MARKER_FAMILIES, help="Family of the ArUco or AprilTag markers."
+    )
     size: float = key("length", default=0.15, low=0.01, high=2.0, help="Side of the black frame.")
     names: Mapping[str, str] = key(default={}, word="robots", help="Robot of each marker number, such as `{7: R2}`.")
 

@@ -97,7 +97,10 @@ class ServoAxis:
 
     @property
     def start_degrees(self) -> int:
-        """Servo angle in degrees after the boot of a sketch with encoders."""
+        """Servo angle in degrees after the boot of an Arduino sketch that supports wheel encoders.
+
+        The first sketch, without encoders, starts some servos at other angles.
+        """
         return self.start_degrees_of_sketch(has_encoders=True)
 
     def start_degrees_of_sketch(self, *, has_encoders: bool) -> int:

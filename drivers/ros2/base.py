@@ -426,9 +426,10 @@ class Ros2BaseProtocol(DiffDriveProtocol):
 
 
 def _origin_in_odometry(raw: Pose2D, here: Pose2D) -> Pose2D:
-    """Return the origin of the continuous pose in the odometry frame.
+    """Return where the origin of the continuous pose lies in the odometry frame.
 
-    ``raw`` and ``here`` are the same pose, in the odometry frame and as continuous pose.
+    The continuous pose is the pose of the base without the jumps of an odometry that is reset. ``raw`` is the present
+    pose of the base in the odometry frame, ``here`` the same pose as continuous pose.
     """
     turn = raw.heading - here.heading
     x = raw.x - (here.x * cos(turn) - here.y * sin(turn))

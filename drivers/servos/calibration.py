@@ -1,4 +1,4 @@
-"""Calibration files in LeRobot's format: ID, offset and range of each motor, as JSON.
+"""Servo calibration files in LeRobot's format: ID, offset and range of each motor, as JSON.
 
 ::
 

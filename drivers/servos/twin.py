@@ -158,12 +158,13 @@ class ServoTwin:
 
 
 class JointsTwin(ServoJoints):
-    """A simulated ``drivers.api.Joints``. Call ``step`` every ``STEP_INTERVAL``; not thread-safe.
+    """A simulated ``drivers.api.Joints``: an arm whose servos are computed. Not thread-safe.
 
-    ``joints``, ``at_rest`` and ``away`` are as for ``DynamixelJoints``. All joints start at 0 with torque off. When the
-    arm is unplugged, its servos stop at their last setpoints; when it is plugged in again, servos with requested torque
-    hold their positions. Each ``step`` updates followers and calls ``changed``. Raises BadRequest that lists all
-    invalid joints.
+    Call ``step`` every ``STEP_INTERVAL``; it moves the joints that follow a leader, and calls ``changed``. ``at_rest``
+    and ``away`` are those of the real driver: whether the arm holds or relaxes at rest, and its reconnect policy. All
+    joints start at 0 with torque off. When the arm is unplugged, its servos stop at their last setpoints. When it is
+    plugged in again, servos with requested torque hold their positions. Raises BadRequest that lists all invalid
+    ``joints``.
     """
 
     STEP_INTERVAL = 0.025

@@ -248,7 +248,10 @@ INITIAL_BACKUP_DISTANCE = 0.12
 """Metres that the base may back before it has driven forwards: 10 cm and braking, as a TurtleBot 4 user reports."""
 
 RELEASE_DISTANCE = 0.05
-"""Metres to drive forwards before the base may back again. The vendor writes "for a while"; this is our assumption."""
+"""Metres that the base must drive forwards after it has reached its backup limit, until it can back again.
+
+The vendor says only that it must drive "for a while", so the value is an assumption.
+"""
 
 
 class BackupLimit:

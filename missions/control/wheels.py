@@ -1,4 +1,4 @@
-"""Control of the wheels by clients: one driver at a time, with checks of the age of each command."""
+"""Teleop of the wheels by clients: one driver at a time, with a dead-man timeout on the age of each command."""
 
 from collections import OrderedDict
 from collections.abc import Callable

@@ -162,7 +162,7 @@ def _set_arguments(leaf: Leaf, step: Step, scope: Scope) -> Leaf:
 
 
 def _with_failure(value: Value, failure: Scope) -> Value:
-    """Return the value, bound to the reason of a failure if it reads that."""
+    """Return ``value``; if it reads the reason of a failure, it reads it from the scope ``failure``."""
     return replace(value, local_names=failure) if reads_failure(value) else value
 
 

@@ -23,9 +23,9 @@ from missions.language.plan import Step
 class _ReactiveComposite(Composite):
     """Ticks its children from the first at every tick; if an earlier child takes over, the running one is halted.
 
-    While a child is suspended, the composite waits. The child ``_running``, which ran before, keeps its progress
-    without being ticked. ``_stood`` is true after such a wait, in which more than one child may have been left running.
-    ``_ended`` is a child that reached its deadline during the wait; it is not started again when its turn comes.
+    While a child is suspended, the composite waits. ``_running`` is the child that ran before the wait; it keeps its
+    progress, but is not ticked. ``_stood`` is true after such a wait, when more than one child may still run.
+    ``_ended`` is a child whose deadline has passed during the wait; it is not started again when its turn comes.
     """
 
     run_state = ("_running", "_retiring", "_stood", "_ended")
@@ -332,9 +332,10 @@ class RandomSelector(RandomOrderComposite, composites.Selector):
 
 
 def _draw_order(random: Random, members: tuple[Node, ...], weights: Weights) -> tuple[Node, ...]:
-    """Return the members in a random order: each draw takes one of the others, by its weight among theirs.
+    """Return the members in a random order, drawn one after another from those that are left, by their weights.
 
-    So a member that is skipped leaves its chance to the others in proportion. Members with the weight 0 are left out.
+    If a member is skipped, the others so take over its chance in proportion to their weights. Members with the weight 0
+    are left out.
     """
     rest = {member: weight for member, weight in zip(members, weights, strict=True) if weight}
     order = []

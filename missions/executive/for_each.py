@@ -178,7 +178,7 @@ class ForEach(Parent, Decorator):
         self.feedback_message = f"{self._place + 1} of {self.setting.count}: {self._describe_member()}"
 
     def _describe_member(self) -> str:
-        """Return the member as text, or its number if it is a result of a leaf."""
+        """Return the present member of the list as text; its number if the member is the result of a leaf."""
         member = self.setting.member(self._place)
         text = " ".join(format_value(member).split()) if isinstance(member, str | int | float | Mapping | None) else ""
         if not text:

@@ -44,9 +44,9 @@ class ForModifier(Modifier):
 class TimeoutModifier(ForModifier):
     """Fails, and halts the node, if it still runs after the time of the modifier; then it is not ticked again.
 
-    A reactive composite may tick the timeout again at once, after it failed while the node was suspended. If the node
-    is suspended again, the timeout then fails at once, instead of waiting for the whole time again. ``gave_up`` is the
-    time (s) of its last failure while the node was suspended.
+    ``gave_up`` is the time (s) of the last failure while the node was suspended, that is, while a sensor did not
+    report. After this failure, a reactive composite may tick the modifier again at once. If the node is suspended
+    again, the modifier then fails at once, and does not wait for the whole time a second time.
     """
 
     run_state: ClassVar[tuple[str, ...]] = ("_waits",)
@@ -206,9 +206,9 @@ class UntilModifier(ConditionModifier):
 class RetryModifier(Modifier):
     """Restarts the node at the next tick after a failure, without a backoff.
 
-    The setting is the number of attempts, None for no limit. A second member, the ``recovery``, starts at the next tick
-    after each failed attempt but the last; the next attempt starts at the next tick after its end. Its result does not
-    count, and a halt of this node halts it like the node.
+    The modifier's value is the number of attempts, None for no limit. A second member, the ``recovery``, starts at the
+    tick after each failed attempt, except the last. The next attempt starts at the tick after the recovery has ended,
+    with any result. A halt of the modifier also halts the recovery.
     """
 
     run_state = ("setting", "_attempts", "_recovers")
@@ -357,12 +357,14 @@ class OnceModifier(Modifier):
 
 
 class FinallyModifier(Modifier):
-    """Runs its second member, the ``cleanup``, once after the node has ended or was halted; then it ends as the node.
+    """Runs the node, then once its second member, the ``cleanup``; the modifier ends with the result of the node.
 
-    The cleanup is part of the end, or of the halt: no other node starts before it is over. It is halted after the
-    setting (s). It runs while time passes without ticks, too, since it cannot move anything: ``check`` refuses leaves
-    that claim an actuator, a cleanup that claims one all the same is not run, and the robot refuses its commands (see
-    ``Node.in_finally``). It does not run if the node was skipped.
+    - The cleanup also runs if the node is halted, but not if the node was skipped.
+    - It is a part of the end or the halt of the node: no other node starts before the cleanup is over.
+    - It is halted after the time limit in ``setting`` (s).
+    - It cannot move anything. `mission check` refuses leaves in it that claim an actuator. A cleanup with such a leaf
+      does not run, and the robot refuses its commands (see ``Node.in_finally``).
+    - So it may also run while time passes without ticks.
     """
 
     run_state = ("setting", "_cleanup_since")
@@ -412,7 +414,7 @@ class FinallyModifier(Modifier):
             run.active_leaf, run.preemptible = leaf, preemptible
 
     def clear_results(self, cleared: list[Node]) -> None:
-        """Clear all results; a cleanup that still runs, at the deadline of the final halt, is halted first."""
+        """Clear all results; if the cleanup still runs, at the time limit of the final halt, halt it first."""
         if self.cleanup.status is RUNNING:
             self.cleanup.halt()
         super().clear_results(cleared)

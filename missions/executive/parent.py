@@ -25,8 +25,8 @@ class Parent(Node):
     A parent is suspended if its own expression reads a part that does not report, or if its status is that of a
     suspended member. In the first case it waits, and fails after the sensor timeout.
 
-    ``failure`` holds the reason of the last failure below, under FAILURE_NAME, for expressions of later members. It is
-    None if no expression reads it.
+    ``failure`` is a scope with one name, FAILURE_NAME: the reason of the last failure of a member, which expressions of
+    later members read. It is None if no expression reads it.
     """
 
     lasting_state: ClassVar[tuple[str, ...]] = ("ending", "unstarted", "_ending_for", "_silent_since")

@@ -88,13 +88,13 @@ def permit_all(device: Device) -> None:
 
 
 def refuse_motion(device: Device) -> None:
-    """Raise DeviceFault: the permit of a behaviour within ``finally``, whatever it claims to drive."""
+    """Raise DeviceFault for every command that moves a device: the ``Permit`` of leaves within a ``finally``."""
     del device
     raise DeviceFault("kept still: a behaviour in 'finally' must not move anything", hint="do it before the end")
 
 
 class Proxy:
-    """Base of all proxies: the ``device``, the ``memo`` with its cached values, and the report of commands.
+    """Base class of all proxies: the ``device``, its cached values in ``memo``, and the report of its commands.
 
     ``_tell`` is the function that reports commands; None in a proxy that is not used by a leaf.
     """
@@ -264,7 +264,10 @@ class _ProxySourceWriter:
         yield "return result"
 
     def _refusal_lines(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
-        """Yield the lines that refuse a command within ``finally``: neither reported nor recorded, as in a rerun."""
+        """Yield the source lines that refuse a command of a leaf within ``finally``.
+
+        A refused command is neither reported nor recorded, so that a rerun of the record makes the same decisions.
+        """
         if command.moves or command.releases:
             refused = f"self._permit is {self._bind_name('refuse_motion', refuse_motion)}"
             if callable(command.moves):

@@ -80,7 +80,8 @@ class Submission(Parent, Decorator):
     def _store_results(self, *, waits: bool) -> str:
         """Store the results of the sub-mission; return the reason if one cannot be evaluated, empty otherwise.
 
-        With ``waits``, raises NotConnected if a part that a result needs does not report.
+        A result may need a part of the robot that does not report now. With ``waits``, NotConnected is raised for it,
+        so that the caller can wait for the part.
         """
         results, problem = {}, ""
         for name, value in self.returns.items():

@@ -18,14 +18,17 @@ from missions.language.check_context import CheckContext, hole_hint
 from missions.language.expressions import (
     INVALID_VALUE,
     Convert,
+    DataTemplate,
     Expression,
     ExpressionError,
     Template,
     Value,
     as_whole_number,
+    data_values,
     format_value,
     in_si,
     is_calculation,
+    map_data,
     parse,
 )
 from missions.language.kinds import ListKind
@@ -235,7 +238,7 @@ def read_argument(context: CheckContext, argument: Argument, node: Node, label: 
         names = [item.text if isinstance(item, Scalar) else _scalar(item) for item in node.items]
         return context.convert_constant(node, names, label, convert)
     if argument.kind == "value":
-        return context.convert_constant(node, _plain_data(context, node), label, convert)
+        return _read_data(context, node, label, convert)
     context.fault(node.mark, f"{label} needs one value, not {_form_name(node)}")
     return INVALID_VALUE
 
@@ -446,12 +449,23 @@ def _form_name(node: Node) -> str:
     return "a list" if isinstance(node, Listing) else "a mapping"
 
 
-def _plain_data(context: CheckContext, node: Node) -> object:
-    """Return a node as plain lists, dicts and values."""
+def _read_data(context: CheckContext, node: Node, label: str, convert: Convert) -> Value:
+    """Read nested lists and mappings, in which each value may be an expression."""
+    data = _data(context, node, label)
+    values = list(data_values(data))
+    if any(value is INVALID_VALUE for value in values):
+        return INVALID_VALUE
+    if all(value.template is None for value in values):
+        return context.convert_constant(node, map_data(data, lambda value: value.constant), label, convert)
+    formulas = (value.template for value in values if value.template is not None)
+    parts = (part for formula in formulas for part in (formula.parts if isinstance(formula, Template) else (formula,)))
+    return Value(template=DataTemplate(tuple(parts), data), convert=convert)
+
+
+def _data(context: CheckContext, node: Node, label: str) -> object:
+    """Return nested lists and mappings with a ``Value`` in place of each scalar."""
     if isinstance(node, Listing):
-        return [_plain_data(context, item) for item in node.items]
+        return [_data(context, item, label) for item in node.items]
     if isinstance(node, Mapping):
-        return {key.text: _plain_data(context, value) for key, value in node.entries}
-    if "${" in node.text:
-        context.fault(node.mark, "'${...}' cannot stand inside a list or a mapping", "set a variable of its own to it")
-    return default_value(node)
+        return {key.text: _data(context, value, label) for key, value in node.entries}
+    return context.read_value(replace(node, value=default_value(node)), label, lambda value: value)

@@ -64,7 +64,7 @@ _OTHER_SYNTAX = re.compile(
 
 
 def hole_hint(text: str) -> str:
-    """Return the hint for a variable written as $x, {x} or {{x}}; empty for other texts."""
+    """Return the hint for a variable in the notation of other languages: $x, {x} or {{x}}; empty for other texts."""
     found = _OTHER_SYNTAX.fullmatch(text.strip())
     return f"write ${{{found[found.lastgroup]}}} for its value" if found and found.lastgroup else ""
 
@@ -115,7 +115,7 @@ class CheckContext:
 
     @contextmanager
     def failure_readable(self, readable: bool) -> Iterator[None]:
-        """Set ``is_failure_readable`` within the context."""
+        """Context manager that sets ``is_failure_readable`` to ``readable``, and restores it at the end."""
         before, self.is_failure_readable = self.is_failure_readable, readable
         yield
         self.is_failure_readable = before
@@ -183,7 +183,7 @@ class CheckContext:
         return self.read_formula(node, filled, label, convert, wanted_kind)
 
     def _check_shell_variable(self, node: Scalar, label: str) -> None:
-        """Report ``$word`` in a text, in which ``word`` is a param or variable: it would be said as it is written."""
+        """Report ``$word`` in a text if ``word`` is a param or variable, since missions insert only ``${word}``."""
         for name in re.findall(r"\$(\w+)", node.text):
             if name in self.params or name in self.variables:
                 self.fault(node.mark, f"{label}: '${name}' is not an expression", f"write ${{{name}}} for its value")

@@ -47,7 +47,10 @@ def _read_weights(context: CheckContext, node: Node, children: int) -> Value:
 
 
 def _as_weights(children: int, value: object) -> Weights:
-    """Return a list as weights of the children. Raises ValueError."""
+    """Return a list from the mission as the weights of a composite's children.
+
+    Raises ValueError unless it has one number for each child, at least one of them above 0.
+    """
     if not isinstance(value, list | tuple):
         raise ValueError(f"needs a list of numbers, got {quoted_value(value)}")
     if len(value) != children:

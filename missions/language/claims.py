@@ -85,7 +85,7 @@ def check_cleanups(context: CheckContext, tree: Step) -> None:
 
 
 def _sends(leaf: type[Leaf]) -> bool:
-    """Return whether a leaf sends messages to ROS 2 nodes, which can move the robot; conditions only read."""
+    """Return whether a leaf sends messages to ROS 2 nodes, which may move the robot. Conditions never do."""
     return "ros2" in leaf.needs and not leaf.instant
 
 

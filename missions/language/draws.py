@@ -1,4 +1,4 @@
-"""Random numbers in expressions that are evaluated at every tick: a mistake, since the value would never stay."""
+"""Check for ``random`` in expressions that are evaluated at every tick, where its value would change all the time."""
 
 from config.diagnostics import Diagnostic, add_diagnostic
 from missions.language.arguments import CONDITION_KIND

@@ -9,7 +9,7 @@ import ast
 import math
 import re
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import field
 from typing import TYPE_CHECKING, Any
 
@@ -35,6 +35,7 @@ from missions.language.operators import (
     RANDOM,
     UNARY,
     apply_sign,
+    check_data_size,
     check_text_length,
     combine,
     compare,
@@ -394,6 +395,48 @@ class Value:
             return self.constant
         found = self.template.evaluate(scope if self.local_names is None else {**scope, **self.local_names})
         return found if self.convert is None else self.convert(found)
+
+
+@dataclass(frozen=True, slots=True)
+class DataTemplate(Template):
+    """A list or a mapping with ``${...}`` in it: ``data`` has a ``Value`` in place of each plain value."""
+
+    data: Any = field(default=None, hash=False)
+
+    @property
+    def values(self) -> "list[Value]":
+        """All values in the list or mapping, in order."""
+        return list(data_values(self.data))
+
+    def evaluate(self, scope: Mapping[str, object]) -> object:
+        """Return the list or mapping with all values calculated. Raises ExpressionError."""
+        try:
+            return check_data_size(map_data(self.data, lambda value: value.resolve(scope)))
+        except ExpressionError:
+            raise
+        except ValueError as error:
+            raise ExpressionError(str(error)) from None
+
+
+def map_data(data: Any, function: "Callable[[Value], object]") -> object:
+    """Return nested lists and mappings with ``function`` applied to each value in them."""
+    if isinstance(data, Mapping):
+        return {key: map_data(each, function) for key, each in data.items()}
+    return [map_data(each, function) for each in data] if isinstance(data, list) else function(data)
+
+
+def data_values(data: Any) -> "Iterator[Value]":
+    """Yield all values in nested lists and mappings."""
+    if isinstance(data, Mapping | list):
+        for each in data.values() if isinstance(data, Mapping) else data:
+            yield from data_values(each)
+    else:
+        yield data
+
+
+def plain_values(value: Value) -> list[Value]:
+    """Return the values in a list or a mapping, or the value alone."""
+    return value.template.values if isinstance(value.template, DataTemplate) else [value]
 
 
 def reads_failure(value: Value) -> bool:

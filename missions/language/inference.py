@@ -11,7 +11,15 @@ from config.diagnostics import Diagnostic, Mark, SourceText, suggest_from
 from config.units import NUMBER, UNITS, DimensionError, common_dimension, is_unit, parse_quantity
 from config.yaml_nodes import Scalar
 from drivers.api.fast_dataclass import dataclass
-from missions.language.expressions import Expression, Template, Value, divide_hint, multiply_hint, needs_message
+from missions.language.expressions import (
+    DataTemplate,
+    Expression,
+    Template,
+    Value,
+    divide_hint,
+    multiply_hint,
+    needs_message,
+)
 from missions.language.kinds import (
     CONSTANTS,
     FLAG,
@@ -135,7 +143,10 @@ class TypeInference:
             return self._report_error(node, str(error), _fix_hint(left, right))
 
     def _joined_list_kind(self, node: ast.BinOp, left: Kind, right: Kind) -> Kind:
-        """Return the kind of a list of the members of two lists."""
+        """Return the kind of the sum ``node`` of two lists, whose kinds are ``left`` and ``right``.
+
+        Report an error if one of them is no list, or if their members have different kinds.
+        """
         if not (isinstance(left, ListKind) and isinstance(right, ListKind)):
             other = right if isinstance(left, ListKind) else left
             if other is None or other == UNSETTLED:
@@ -234,11 +245,25 @@ def kind_of_result(value: Value, kinds: Mapping[str, Kind]) -> Kind:
     match value.template:
         case None:
             return kind_of_value(value.constant)
+        case DataTemplate(data=data):
+            return _kind_of_data(data, kinds)
         case Template(parts=()):
             return None
         case Expression(tree=tree) | Template(parts=(Expression(tree=tree),)):
             return TypeInference(kinds).kind(tree)
     return TEXT
+
+
+def _kind_of_data(data: object, kinds: Mapping[str, Kind]) -> Kind:
+    """Return the kind of nested lists and mappings with a ``Value`` in place of each plain value."""
+    if isinstance(data, Value):
+        return kind_of_result(data, kinds)
+    if isinstance(data, Mapping):
+        return RecordKind("a mapping", members={str(key): _kind_of_data(each, kinds) for key, each in data.items()})
+    kind: Kind = UNSETTLED
+    for each in data if isinstance(data, list) else ():
+        kind = join_kinds(kind, _kind_of_data(each, kinds))
+    return ListKind(kind)
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,7 +320,10 @@ def find_mismatches(
 
 
 def _mismatch_alone(kind: Kind, wanted_kind: Kind) -> tuple[str, str] | None:
-    """Return error and hint if a value of ``kind`` (its static type) does not fit ``wanted_kind``, else None."""
+    """Return error and hint if a value without a unit behind it does not fit ``wanted_kind``; None if it fits.
+
+    ``kind`` is the static type of the value.
+    """
     message = _misfit(kind, wanted_kind)
     if not message:
         return None
@@ -308,7 +336,7 @@ def _mismatch_alone(kind: Kind, wanted_kind: Kind) -> tuple[str, str] | None:
 
 
 def _misfit(kind: Kind, wanted_kind: Kind) -> str:
-    """Return the error for a value of this kind; empty if it fits."""
+    """Return the error if a value of ``kind`` (its static type) does not fit ``wanted_kind``; empty if it fits."""
     if kind is None or kind in (UNSETTLED, NOTHING):
         return ""
     if isinstance(wanted_kind, ListKind):
@@ -327,7 +355,10 @@ def _misfit(kind: Kind, wanted_kind: Kind) -> str:
 
 
 def _mapping_misfit(kind: Kind, wanted: Mapping[str, Kind]) -> str:
-    """Return the error for a value of this kind as a mapping with these keys; empty if it fits."""
+    """Return the error if a value of ``kind`` (its static type) is no mapping with the keys and kinds in ``wanted``.
+
+    Empty if it is, or if its keys are unknown.
+    """
     if not isinstance(kind, RecordKind):
         return f"needs a mapping with {', '.join(wanted)}, got {describe_kind(kind)}"
     if not kind.members:  # unknown

@@ -17,7 +17,10 @@ from missions.language.parallel_counts import source_text
 LIST_EXAMPLE = "such as [kitchen, hall]"
 
 ReadScalar = Callable[[str, Scalar], object]
-"""Function that returns the value of a scalar in a list; the text is its key in a mapping, or empty."""
+"""Function that returns the value of a YAML scalar in a list.
+
+Its first argument is the key of the scalar if that stands in a mapping, otherwise an empty text.
+"""
 
 MemberType = str | dict[str, str]
 """Type of the members of a list: a word, or the type of each value of a mapping by key."""
@@ -68,7 +71,7 @@ def _member_text(value: object) -> str:
 
 
 def list_converter(convert: Convert) -> Convert:
-    """Return a converter that applies ``convert`` to each member."""
+    """Return a converter of lists, which applies ``convert`` to each member."""
     return partial(_convert_members, convert)
 
 
@@ -85,7 +88,7 @@ def _convert_members(convert: Convert, value: object) -> list[object]:
 
 
 def mapping_converter(entries: Named[str, Convert]) -> Convert:
-    """Return a converter of mappings with these keys, each with the converter of its value."""
+    """Return a converter of mappings; ``entries`` has each key that they must have, and the converter of its value."""
     return partial(_convert_mapping, entries)
 
 

@@ -226,7 +226,7 @@ def _if_interrupted(context: CheckContext, root: Mapping) -> str:
 
 
 def read_returns(context: CheckContext, node: Node | None) -> dict[str, Value]:
-    """Return the results in ``returns: {name: expression}``; the expressions use the variables of this context."""
+    """Return the results in ``returns: {name: expression}`` by name; expressions use the variables of ``context``."""
     if node is None:
         return {}
     if not isinstance(node, Mapping):

@@ -25,7 +25,7 @@ MAX_HALT_LIMIT = 10.0
 
 
 def read_halt_limit(context: CheckContext, node: Node) -> Value:
-    """Return the limit of a ``finally`` from the node beside it: a constant duration."""
+    """Return the time limit of a ``finally`` from the value of ``halt_limit``, which must be a constant duration."""
 
     def limited(value: object) -> float:
         seconds = in_si(value, "duration")

@@ -53,7 +53,7 @@ def rewrite_old_forms(name: str, text: str) -> tuple[str, list[Rewrite]]:
 
 
 class _Lines:
-    """Lines of a mission file with their line ends; marks are positions in them.
+    """Lines of a mission file with their line ends, and functions to find and replace a YAML node in them.
 
     ``times`` are the params of the mission whose lower bound is a duration above 0.
     """
@@ -84,7 +84,10 @@ class _Lines:
 
 
 def _rewrites(lines: _Lines, node: Node, siblings: Sequence[Node], parent: str = "") -> Iterator[Rewrite]:
-    """Yield the rewrites of a node and of those below it; ``siblings`` are the children of its ``parent``, a word."""
+    """Yield the rewrites of a node and of those below it.
+
+    ``parent`` is the word of the node above, such as "sequence", and ``siblings`` are its children.
+    """
     if isinstance(node, Listing):
         for item in node.items:
             yield from _rewrites(lines, item, node.items, parent)
@@ -127,7 +130,10 @@ def _waiting_end(lines: _Lines, further: Sequence[tuple[Scalar, Node]], end: int
 
 
 def _is_always_known(condition: Scalar) -> bool:
-    """Return whether a condition reads no sensor, which could be silent: then ``retry`` waits longer."""
+    """Return whether a condition reads no sensor.
+
+    A sensor may not report. A ``retry`` then waits longer than a ``wait_until``, so such a condition is not rewritten.
+    """
     try:
         reads = parse(_expression_text(condition)).reads
     except ExpressionError:
@@ -142,7 +148,10 @@ def _expression_text(condition: Scalar) -> str:
 
 
 def _leads_on(node: Mapping, siblings: Sequence[Node], parent: str) -> bool:
-    """Return whether a ``fail`` with ``if`` may succeed instead of being skipped: beside others in a sequence."""
+    """Return whether a ``fail`` with ``if`` can become a ``check``, which succeeds where the ``fail`` is skipped.
+
+    In a sequence with another child that is never skipped, both have the same effect.
+    """
     others = [other for other in siblings if other is not node]
     modifiers = {key.text for key, _ in node.entries} - {"fail", "if", "name"}
     never_skipped = any(not isinstance(other, Mapping) or other.get("if") is None for other in others)
@@ -150,7 +159,7 @@ def _leads_on(node: Mapping, siblings: Sequence[Node], parent: str) -> bool:
 
 
 def _negated(condition: Scalar, written: str) -> str:
-    """Return the negation of a condition, quoted as it was."""
+    """Return the negation of a condition, in the same quotes as ``written``, its text in the file."""
     text = _expression_text(condition)
     found = re.fullmatch(r"not\s+(\w+(?:\.\w+)?)", text.strip())
     new = found[1] if found else f"not ({text.strip()})"
@@ -225,12 +234,12 @@ def _without_race(lines: _Lines, key: Scalar, behaviour: Mapping, wait: Mapping)
 
 
 def _with_line_end(line: str, lines: _Lines) -> str:
-    """Return a line with the line end of the file, which the last line may lack."""
+    """Return a line with a line end like those of the file; the last line of a file may have none."""
     return line if line.endswith(("\n", "\r")) else line + ("\r\n" if "\r\n" in lines.text else "\n")
 
 
 def _rest(lines: _Lines, key: Scalar) -> str:
-    """Return the line of a key from the key on."""
+    """Return the text of a key's line, from the key to the end of the line."""
     return lines.lines[key.mark.line - 1][key.mark.column - 1 :]
 
 

@@ -68,6 +68,34 @@ def make_list(items: list[Any]) -> list[Any]:
     return items
 
 
+MAX_DATA_VALUES = 10_000
+"""Maximum values in a list or a mapping with ``${...}`` in it, those of lists and mappings within counted."""
+
+MAX_DATA_DEPTH = 10
+"""Maximum lists and mappings inside one another, if a mission makes them."""
+
+
+def check_data_size(data: object) -> object:
+    """Return nested lists and mappings. Raises ValueError if they are too large or too deep.
+
+    A mission could otherwise put a mapping into itself at every tick, twice.
+    """
+    waiting, count, length = [(data, 1)], 0, 0
+    while waiting:
+        value, depth = waiting.pop()
+        count += 1
+        length += len(value) if isinstance(value, str) else 0
+        if isinstance(value, Mapping | list):
+            if depth > MAX_DATA_DEPTH:
+                raise ValueError(f"more than {MAX_DATA_DEPTH} lists and mappings inside one another")
+            waiting += [(each, depth + 1) for each in (value.values() if isinstance(value, Mapping) else value)]
+        if count + len(waiting) > MAX_DATA_VALUES:
+            raise ValueError(f"more than {MAX_DATA_VALUES:,} values")
+        if length > MAX_LIST_TEXT:
+            raise ValueError(f"texts of more than {MAX_LIST_TEXT:,} characters")
+    return data
+
+
 def _join_lists(left: list[Any], right: list[Any]) -> list[Any]:
     """Return the members of two lists as one list; both have members of one dimension."""
     for item in right if left else ():

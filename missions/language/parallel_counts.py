@@ -57,7 +57,7 @@ ALL_CHILDREN = "all"
 
 @dataclass(frozen=True, slots=True)
 class ParallelDecision:
-    """When a parallel ends: after ``successes`` successes or ``failures`` failures of its children.
+    """Condition after which a parallel ends: a number of ``successes`` or of ``failures`` among its children.
 
     With ``waits_for_all``, it ends when all children have ended, and succeeds if fewer than ``failures`` failed.
     """
@@ -68,9 +68,10 @@ class ParallelDecision:
 
 
 def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDecision:
-    """Return when a parallel with this number of ``children`` ends; ``settings`` are the keys beside it.
+    """Return the condition after which a parallel with this number of ``children`` ends, as its counts say.
 
-    It fails after ``failure_count`` failures, or after so many that success is impossible.
+    ``settings`` are the values of ``success_count``, ``failure_count`` and ``wait_for_all`` beside the parallel, those
+    that are written. The parallel fails after ``failure_count`` failures, or after so many that success is impossible.
     """
     successes = settings.get(SUCCESS_COUNT)
     failures = settings.get(FAILURE_COUNT, 1)

@@ -52,13 +52,16 @@ LIST_TYPE = "list"
 """Type of a mission param that is a list, with members of one type."""
 
 MAPPING_TYPE = "mapping"
-"""Type of list members that are mappings. It is no word for ``of``, which has the types of their values."""
+"""Type of the members of a list that are mappings.
+
+A mission does not write this word: ``of`` then has the type of each value, as in ``of: {x: length}``.
+"""
 
 BOUNDS = ("low", "high")
 """Keys for the limits of a param."""
 
 ENTRY_KEYS = ("type", "choices", *BOUNDS)
-"""Keys of a value in the mappings of a list, in the long form of its type."""
+"""Keys of the long form ``{type: length, low: 0 m}``, in which ``of`` gives the type of a mapping's value."""
 
 OF_HINT = "write of: {x: length, y: {type: length, low: 0 m}}"
 
@@ -76,10 +79,11 @@ INVALID_DEFAULT = object()
 class ParamType:
     """Type of a param: ``kind`` is one of PARAM_TYPES.
 
-    ``member_type`` is the type of the list's members, or the same as ``kind`` if it is not a list. ``convert`` checks
-    and converts a value. Values, or list members, are between ``low`` and ``high``, or among ``choices`` if there are
-    any. If list members are mappings, ``member_type`` is ``mapping``, and ``entries`` are the types of their values by
-    key.
+    - ``member_type`` is the type of the members of a list, ``mapping`` if they are mappings; for other params it is
+      ``kind``.
+    - ``entries`` are the types of the values of these mappings, by key.
+    - ``convert`` checks and converts a value.
+    - ``low`` and ``high`` limit the values, or the members of a list; ``choices`` are all of them if there are any.
     """
 
     kind: str
@@ -276,7 +280,7 @@ def _read_entry(context: CheckContext, label: str, node: Node) -> ParamType | No
 
 
 def _refuse_bounds(context: CheckContext, label: str, beside: Mapping) -> None:
-    """Report bounds and choices beside a list of mappings."""
+    """Report an error for bounds or choices beside a list of mappings; they belong to the values in ``of``."""
     for key, _ in beside.entries:
         if key.text in (*BOUNDS, "choices"):
             context.fault(key.mark, f"{label}: '{key.text}' belongs to one value of the mappings", OF_HINT)
@@ -325,7 +329,7 @@ def _read_type_word(context: CheckContext, label: str, node: Mapping, key: str) 
 
 
 def _read_choices(context: CheckContext, label: str, beside: Mapping, kind: str | None) -> tuple[str, ...] | None:
-    """Return the words of a choice, or an empty tuple for other types; None if there is an error."""
+    """Return the words that a param of the type ``choice`` allows; empty for other types, None if there is an error."""
     node = beside.get("choices")
     if node is None and kind != "choice":
         return ()

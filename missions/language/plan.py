@@ -16,16 +16,20 @@ from missions.language.robot_state import ROBOT_STATE, state_value
 class Step:
     """A node of a checked mission: a leaf, a composite, a sub-mission, or a modifier around its first child.
 
-    ``kind`` is the word in the mission, ``name`` the label for people, ``source`` its file. A leaf has its class in
-    ``leaf``. ``arguments`` are those of a leaf, the one ``value`` of a modifier (of ``finally``, its limit), the ``on``
-    of a switch, or the params of a sub-mission. ``cases`` of a switch belong to its children in order; one more child
-    is its default. A second child of a modifier is that of ``recover`` or ``finally``. ``returns`` are expressions over
-    the variables of a sub-mission; ``output_variable`` is the variable that stores the result. ``binds`` are the
-    variables that a for_each sets for its child (the member, and its number), or that a node which could not be read
-    may set. ``text`` is the value after the word if it is a scalar. ``arguments_as_written`` are the arguments as in
-    the file, for pictures.
+    - ``kind`` is the word of the node in the mission, ``name`` its label for people, ``source`` the mission file.
+    - ``leaf`` is the class of a leaf, None for other nodes.
+    - ``arguments`` depend on the kind: the arguments of a leaf, the params of a sub-mission, the ``on`` of a switch, or
+      the one ``value`` of a modifier. The ``value`` of ``finally`` is its time limit.
+    - ``children`` of ``retry`` and ``finally`` may have a second member: the recovery, or the cleanup.
+    - ``cases`` of a switch belong to its children, in the same order; one more child is its default.
+    - ``returns`` are the return values of a sub-mission, as expressions over its variables.
+    - ``output_variable`` is the variable in which the node's result is stored.
+    - ``binds`` are variables that the node may set in addition: member and number of a for_each, or all names that are
+      set in a node that could not be read.
+    - ``text`` is the value behind the word if it is a scalar.
+    - ``arguments_as_written`` are the arguments as in the file, for pictures.
 
-    Variables and claims of a subtree are cached, since each step above uses them again.
+    ``variables``, ``claims`` and similar properties are cached, since each step above uses them again.
     """
 
     kind: str
@@ -136,7 +140,10 @@ class PlaceholderLeaf(Leaf):
 
 
 def composite_kind(step: Step) -> CompositeKind | None:
-    """Return the kind of a composite with a list of children, given the keys beside it; None for other steps."""
+    """Return the kind of a composite with a list of children; None for other steps.
+
+    A ``selector`` with ``in_turn`` has a kind of its own.
+    """
     kind = COMPOSITES.get(step.kind)
     return IN_TURN_SELECTOR if kind is not None and IN_TURN in step.arguments else kind
 

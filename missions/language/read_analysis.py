@@ -48,7 +48,7 @@ def may_fail(value: Value, unset: Collection[str], nonzero: Collection[str]) -> 
 
 
 def _always_has_value(node: ast.expr, nonzero: Collection[str]) -> bool:
-    """Return whether an expression has a value whenever its names do.
+    """Return whether an expression always has a value if all names in it have one.
 
     It may not if it reads a member, calls a function, or divides by a number that may be zero.
     """

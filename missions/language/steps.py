@@ -320,11 +320,11 @@ def _read_modifiers(context: CheckContext, node: Mapping, step: Step) -> Step:
 
 
 _OWNER_HINTS = {RETRY: "add 'retry: 3' for the number of attempts", FINALLY: "add 'finally' with a behaviour"}
-"""Hints for a key without the modifier that it belongs to."""
+"""Hints, by modifier, for a key that stands without this modifier, such as ``recover`` without ``retry``."""
 
 
 def _read_member(context: CheckContext, node: Node, word: str) -> Step:
-    """Return the step of the behaviour after ``recover`` or ``finally``, which may read the failure around it."""
+    """Return the step of the behaviour after ``recover`` or ``finally``; it may read why the node before it failed."""
     if isinstance(node, Scalar) and node.value is None:
         context.fault(node.mark, f"'{word}' needs a behaviour", f"write {word}: {{say: ...}}")
         return _placeholder(context, node)

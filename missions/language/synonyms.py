@@ -1,4 +1,4 @@
-"""Synonyms: words of other systems in missions, and suggestions for unknown words.
+"""Synonyms: words of other systems in missions, and "did you mean" for unknown words.
 
 An unknown word is first looked up as a synonym; only then is a word with a similar spelling suggested. Some words of
 other systems need more than one word of ours: ``PHRASE_SYNONYMS`` has the form to write. ``UNMATCHED_WORDS`` have no
@@ -117,7 +117,7 @@ PHRASE_SYNONYMS: Mapping[str, str] = {
     "{selector: [BEHAVIOUR, BEHAVIOUR], in_turn: true}": "round_robin round_robin_node",
     "{random_selector: [BEHAVIOUR, BEHAVIOUR], weights: [2, 1]}": "probability_selector weighted_selector "
     "weighted_random_selector weighted_choice",
-    "{sequence: [{check: random(0, 1) < 0.5}, BEHAVIOUR]}": "probability chance random_chance",
+    '{sequence: [{check: "random(0, 1) < 0.5"}, BEHAVIOUR]}': "probability chance random_chance",
     'wait: "${random(1 s, 3 s)}"': "random_wait wait_random random_sleep",
     'set: {LIST: "${LIST + [ITEM]}"}': "append add_to_list push_back list_append",
     "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",

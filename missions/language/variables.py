@@ -7,7 +7,7 @@ from functools import partial
 from config.diagnostics import MAX_DIAGNOSTICS, Diagnostic, add_diagnostic
 from config.units import NUMBER
 from missions.language.check_context import CheckContext
-from missions.language.expressions import Value
+from missions.language.expressions import Value, plain_values
 from missions.language.for_each import ListMembers, steps_in_scope
 from missions.language.inference import find_mismatches, kind_of_result
 from missions.language.kinds import (
@@ -45,8 +45,8 @@ def check_kinds(context: CheckContext, tree: Step, returns: Mapping[str, Value])
 def _check_mission(tree: Step, returns: Mapping[str, Value], params: Kinds, found: dict[Diagnostic, None]) -> None:
     """Add the type errors of one mission and its sub-missions to ``found``."""
     kinds = variable_kinds(tree, params)
-    values = [value for step in steps_in_scope(tree) for value in step.arguments.values()]
-    for value in (*values, *returns.values()):
+    arguments = [value for step in steps_in_scope(tree) for value in step.arguments.values()]
+    for value in (each for whole in (*arguments, *returns.values()) for each in plain_values(whole)):
         if value.template is not None and value.location is not None:
             found |= dict.fromkeys(find_mismatches(value.template, value.location, kinds))
         if len(found) > MAX_DIAGNOSTICS:

@@ -35,7 +35,7 @@ class AcceptanceModel:
 
 
 def load_acceptance(path: Path = MODEL_FILE) -> AcceptanceModel:
-    """Return the acceptance model with the trained parameters in a file."""
+    """Return the model that scores whether a recognised phrase was really spoken, with the parameters in a file."""
     found = json.loads(path.read_text(encoding="utf-8"))
     return AcceptanceModel(
         names=tuple(found["names"]),

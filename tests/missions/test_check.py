@@ -358,10 +358,10 @@ UNITS = "(units: deg, rad)"
         (["- set: {a b: 1}"], "a b", "a variable needs a plain word, got 'a b'", "such as 'last_seen'"),
         (["- set: {true: 1}"], "true", "a variable cannot be 'true', which is reserved in expressions", ""),
         (
-            ["- set: {a: ['${n}']}"],
-            "'${n}'",
-            "'${...}' cannot stand inside a list or a mapping",
-            "set a variable of its own to it",
+            ["- set: {b: ['${m}']}"],
+            "m",
+            "'b': unknown name 'm'",
+            "known are: b, n, patience, x, base, battery, face, head, range",
         ),
         # quantities
         (["- turn: 90"], "90", f"{ANGLE}: '90' has no unit {UNITS}", ""),

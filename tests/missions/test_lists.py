@@ -6,12 +6,16 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
+from behaviours.robot import Robot
+from behaviours.run import RunState
 from config.diagnostics import InvalidFileError, SourceText
 from config.units import Quantity
+from drivers.clock import ManualClock
+from missions.executive.build import build
 from missions.language.document import check_plan
 from missions.language.expressions import ExpressionError, parse
 from missions.language.lists import list_text, parse_list
-from missions.language.operators import MAX_LIST_TEXT, MAX_MEMBERS, MAX_TEXT
+from missions.language.operators import MAX_LIST_TEXT, MAX_MEMBERS, MAX_TEXT, check_data_size
 from missions.language.plan import Plan
 from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
@@ -35,6 +39,9 @@ PAN = "'find_face': 'pan'"
 ONE_TYPE = "param 'a': the members of a list must have one type"
 ONE_TYPE_EACH = "param 'a': 'x' must have one type in all members:"
 SAME_KEYS = "param 'a': the members of a list must have the same keys"
+DEEP: dict[str, object] = {}
+for _ in range(10):
+    DEEP = {"a": DEEP}
 DRIVES = POINTS + '  for_each: {in: points, as: p, do: {drive: "${p.x}"}}\n'
 
 
@@ -249,3 +256,54 @@ def test_appending_makes_another_list() -> None:
     assert parse("found + [item.x, 3]").evaluate(scope) == [1, 2, 3]
     assert parse("[] + [item]").evaluate(scope) == [{"x": 2}]
     assert scope["found"] == [1]
+
+
+PLACE = """\
+mission: places
+params: {far: 1 m}
+tree:
+  sequence:
+    - set: {wait: 2 s}
+    - set: {place: {x: "${far * 2}", after: "${wait}", name: "at ${far}", list: [1, "${far}"]}}
+"""
+
+
+def test_mapping_with_expressions_has_their_kinds() -> None:
+    check(PLACE + "    - drive: ${place.x}\n    - wait: ${place.after}\n    - drive: ${place.list[1] + 1 m}\n")
+    for step, message in (
+        ("wait: ${place.x}", "'wait' needs a duration such as '2 s', got a length"),
+        ("say: ${place.y}", "'say': 'y' is not there"),
+        ("set: {p: {x: '${wait + far}'}}", "'p': cannot add a duration and a length"),
+        ("set: {p: {x: '${nowhere}'}}", "'p': unknown name 'nowhere'"),
+        ("set: {p: {x: '${1 +}'}}", "'p': '1 +' is not an expression; something is missing at its end"),
+    ):
+        assert messages(PLACE + f"    - {step}\n") == [message]
+
+
+def test_mapping_of_params_alone_is_known_before_the_run() -> None:
+    step = check("mission: m\nparams: {far: 1 m}\ntree: {set: {p: {x: '${far}', y: 2 m}}}\n").tree
+    assert step.arguments["p"].constant == {"x": 1.0, "y": 2.0}
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ({"a": DEEP, "b": 1}, "more than 10 lists and mappings inside one another"),
+        ([["x" * MAX_TEXT] * 11], f"texts of more than {MAX_LIST_TEXT:,} characters"),
+        ([[1] * 1000] * 11, "more than 10,000 values"),
+    ],
+)
+def test_mapping_cannot_grow_without_bound(value: object, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        check_data_size(value)
+
+
+def test_mapping_that_holds_itself_twice_ends_the_mission_early() -> None:
+    grows = 'set: {d: {a: "${d}", b: "${d}"}}'
+    text = f"mission: m\ntree:\n  sequence:\n    - set: {{d: {{x: 1}}}}\n    - {grows}\n      repeat: forever\n"
+    run = RunState(ManualClock())
+    root = build(check(text), run, lambda _: Robot())
+    for _ in range(20):
+        run.tick += 1
+        root.execute_tick()
+    assert root.feedback_message.endswith("more than 10 lists and mappings inside one another")

@@ -639,3 +639,46 @@ def test_a_word_with_a_direction_leads_there(names: str) -> None:
     led = [(ours, word) for ours, word in led if re.match("drive|turn|look", ours) and "turn_back" not in word]
     assert led
     assert [each for each in led if not re.match(SIGNS[names], each[0])] == []
+
+
+def test_hint_for_round_robin_starts_with_the_next_child_each_time() -> None:
+    lines = played(follow("RoundRobin", [leaf("a", "S"), leaf("b", "RFS")]), ticks=5)
+    assert lines == [
+        ("SUCCESS", ["a S"]),
+        ("RUNNING", ["b R"]),
+        ("SUCCESS", ["b F", "a S"]),
+        ("SUCCESS", ["b S"]),
+        ("SUCCESS", ["a S"]),
+    ]
+
+
+@pytest.mark.parametrize("word", ["ProbabilitySelector", "weighted_choice"])
+def test_hint_for_chances_draws_by_weight_and_tries_the_others(word: str) -> None:
+    tree = follow(word, [leaf("a", "S"), leaf("b", "S")])
+    assert tree["weights"] == [2, 1]
+    firsts = [ticked[0] for _, ticked in played(tree, ticks=300)]
+    assert 170 < firsts.count("a S") < 230
+    failing = played({**tree, "random_selector": [leaf("a", "F"), leaf("b", "S")], "weights": [1_000_000, 1]}, ticks=1)
+    assert failing == [("SUCCESS", ["a F", "b S"])]
+
+
+def test_hint_for_appending_makes_a_longer_list() -> None:
+    step = hint_for("append").removeprefix("write ").replace("LIST", "found").replace("ITEM", "3")
+    text = f"mission: m\ntree:\n  sequence:\n    - set: {{found: [1, 2]}}\n    - {step}\n"
+    play = Play(check_plan(SourceText("m.yaml", text), LEAVES, {}), {})
+    play.line("", 0.0)
+    assert play.bench.variables["found"] == [1, 2, 3]
+
+
+def test_hint_for_a_random_wait_waits_between_its_bounds() -> None:
+    step = hint_for("random_wait").removeprefix("write ")
+    play = Play(check_plan(SourceText("m.yaml", f"mission: m\ntree: {{{step}}}\n"), LEAVES, {}), {})
+    lines = [play.line("", 0.1) for _ in range(31)]
+    ended = next(place for place, line in enumerate(lines) if "success" in line)
+    assert 10 <= ended <= 30
+
+
+def test_hint_for_a_probability_runs_the_node_in_half_of_the_cases() -> None:
+    lines = played(follow("Probability", [leaf("a", "S")]), ticks=300)
+    assert {status for status, _ in lines} == {"SUCCESS", "FAILURE"}
+    assert 120 < sum(ticked == ["a S"] for _, ticked in lines) < 180

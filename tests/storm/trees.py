@@ -21,6 +21,9 @@ from tests.storm.leaves import (
     RogueHead,
 )
 
+REORDERED = 0.3
+"""The share of selectors whose children have their turns or weights."""
+
 OFTEN = 0.7
 """The share of missions that begin again once they have ended."""
 
@@ -176,6 +179,10 @@ class Trees:
         if depth and chance.random() < (1.0 if depth == 3 else 0.55):
             children = [self._tree(depth - 1) for _ in range(chance.randint(1, 3))]
             step: dict[str, Any] = {chance.choice(COMPOSITES): children}
+            if "selector" in step and chance.random() < REORDERED:
+                step["in_turn"] = True
+            elif "random_selector" in step and chance.random() < REORDERED:
+                step["weights"] = [chance.randint(1, 3) for _ in children]
         else:
             step = self._leaf()
         for word in chance.sample(sorted(MODIFIERS), chance.choice([0, 0, 0, 1, 1, 2])):

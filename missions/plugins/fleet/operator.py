@@ -97,7 +97,7 @@ class Operator:
                     self.roster.on_peer_report(Address.read(met.robot), met.connection)
 
     def missing_robots(self) -> list[str]:
-        """Return the robots that the fleet's file names, but that neither this operator nor any robot has seen."""
+        """Return the names of robots in the fleet file that neither this operator nor any robot has seen."""
         met = {address.name for address in self.members()}
         return [name for name in self.fleet.robots if name not in met]
 

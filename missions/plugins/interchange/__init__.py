@@ -1,1 +1,1 @@
-"""Missions from behaviour trees of other programs: XML of BehaviorTree.CPP, Nav2 and py_trees."""
+"""Import of behaviour trees of other programs as missions: XML of BehaviorTree.CPP, Nav2, MoveIt Pro and py_trees."""

@@ -1,4 +1,7 @@
-"""Entries of blackboards as variables: their names, kinds of values, and the params and results of each mission."""
+"""Blackboard of BehaviorTree.CPP in missions: each entry of a tree's blackboard becomes a variable of its mission.
+
+This module finds the variables' names and kinds of values, and the params and results of each mission.
+"""
 
 import re
 from collections import defaultdict
@@ -15,16 +18,19 @@ from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError
 from missions.plugins.interchange.xml_reader import Element
 
 ROOT_ENTRY = "@"
-"""Prefix of entries of the blackboard of the main tree: ``{@x}``."""
+"""Prefix of a blackboard entry that belongs to the main tree, wherever it is used: ``{@x}``."""
 
 MAX_NAME_LENGTH = 80
-"""Maximum characters of the name of a variable."""
+"""Maximum characters of a variable's name; a longer name of a blackboard entry is cut."""
 
 RESERVED = frozenset({*STATE_KINDS, *CONSTANTS, *FUNCTIONS, *RESERVED_WORDS, FAILURE_NAME})
 
 
 class VariableNames:
-    """Names of variables for the entries of one tree; each entry keeps its name where missions allow it."""
+    """Names of the mission variables that stand for the blackboard entries of one tree.
+
+    A variable has the name of its entry, unless missions do not allow the name; ``renamed`` has such entries.
+    """
 
     def __init__(self, *, is_main: bool) -> None:
         self._is_main = is_main
@@ -33,7 +39,7 @@ class VariableNames:
         self.renamed: dict[str, str] = {}
 
     def name(self, entry: str) -> str:
-        """Return the variable of an entry."""
+        """Return the name of the variable that stands for a blackboard entry."""
         if entry.startswith(ROOT_ENTRY) and self._is_main:
             entry = entry.removeprefix(ROOT_ENTRY)
         if entry not in self._names:
@@ -45,11 +51,11 @@ class VariableNames:
         return self._names[entry]
 
     def known(self) -> dict[str, str]:
-        """Return the variables by their entries."""
+        """Return the names of all variables so far, by the name of their blackboard entry."""
         return dict(self._names)
 
     def fresh(self, wish: str, first_number: int = 0) -> str:
-        """Return a name that no variable has yet: ``wish``, or ``wish`` with a suffix."""
+        """Return a name that no variable of the mission has yet: ``wish``, or ``wish`` with a suffix such as ``_2``."""
         plain = re.sub(r"\W", "_", wish)[:MAX_NAME_LENGTH] or "entry"
         plain = plain if plain[0].isalpha() or plain[0] == "_" else f"entry_{plain}"
         found, number = plain, first_number
@@ -62,9 +68,11 @@ class VariableNames:
 
 @dataclass(frozen=True, slots=True)
 class SubtreeCall:
-    """A SubTree node: the tree, and its ports, each a constant or the entry of the caller.
+    """A SubTree node: it runs ``tree``, with a value for each port.
 
-    With ``shares_names``, all other entries have the same names in both.
+    ``entries`` maps a port to the entry of the calling tree's blackboard that it is connected to, ``constants`` maps a
+    port to its constant value. With ``shares_names`` (BehaviorTree.CPP: ``_autoremap``), each other entry of the called
+    tree is connected to the caller's entry of the same name.
     """
 
     tree: SourceTree
@@ -75,7 +83,7 @@ class SubtreeCall:
 
 
 class EntryKinds:
-    """Kinds of the values of entries, from scripts and constants: number, flag, text, or None."""
+    """Kinds of the values of blackboard entries, from scripts and constants: number, flag or text; None if unknown."""
 
     def __init__(self, project: ForeignProject) -> None:
         self._found: dict[tuple[int, str], set[str | None]] = defaultdict(set)
@@ -90,7 +98,7 @@ class EntryKinds:
                 self._found[one], self._found[other] = set(both), set(both)
 
     def of(self, tree: SourceTree) -> dict[str, str | None]:
-        """Return the kinds of the entries of a tree."""
+        """Return the kinds of values of the blackboard entries of a tree, by the name of the entry."""
         return {entry: _one_kind(kinds) for (owner, entry), kinds in self._found.items() if owner == id(tree)}
 
     def _note_tree(self, project: ForeignProject, tree: SourceTree) -> None:
@@ -138,13 +146,13 @@ def _one_kind(kinds: set[str | None]) -> str | None:
 
 
 def kind_of_constant(text: str) -> str:
-    """Return the kind of a constant of a port."""
+    """Return the kind of the constant ``text`` in a port: number, flag or text."""
     value = constant_value(text)
     return FLAG if isinstance(value, bool) else NUMBER if isinstance(value, int | float) else TEXT
 
 
 def constant_value(text: str) -> float | bool | str:
-    """Return a constant of a port: a number, true or false, else the text."""
+    """Return the constant in a port of an XML node as a number, or as True or False, otherwise as its text."""
     word = text.strip()
     if word in ("true", "True", "false", "False"):
         return word.lower() == "true"
@@ -154,7 +162,10 @@ def constant_value(text: str) -> float | bool | str:
 
 
 def entry_of(value: str, port: str = "") -> str:
-    """Return the entry of a pointer or a plain name; ``{=}`` is the name of the port."""
+    """Return the name of the blackboard entry in a port's value: ``x`` for ``{x}`` and for ``x``.
+
+    For ``{=}`` it is the name of the ``port``.
+    """
     text = value.strip()
     if is_pointer(text):
         text = text.removeprefix("$")[1:-1].strip()
@@ -167,11 +178,11 @@ ANY_VALUE = Verbatim("{type: value}")
 
 @dataclass(slots=True)
 class MissionInterface:
-    """Variables of a mission: ``params`` with their defaults or declarations.
+    """Variables of a mission that its callers must know.
 
-    ``needs`` are the variables that it reads before it sets them.
-
-    ``sets`` are all variables that the mission sets, ``surely_set`` those that it sets whenever it succeeds.
+    ``params`` has the default of each param, or its declaration in the mission file. ``needs`` are the variables that
+    the mission reads before it sets them. ``sets`` are all variables that it sets, ``surely_set`` those that are set
+    whenever it succeeds.
     """
 
     needs: dict[str, None] = field(default_factory=dict)
@@ -181,14 +192,17 @@ class MissionInterface:
 
 
 class Dataflow:
-    """Finds the variables that a mission reads before it sets them, following the order of its steps."""
+    """Finds the variables that a mission reads before it sets them, by following its steps in the order of a run."""
 
     def __init__(self) -> None:
         self.needs: dict[str, None] = {}
         self.sets: dict[str, None] = {}
 
     def follow(self, step: MissionStep, known: frozenset[str]) -> frozenset[str]:
-        """Return the variables that are set after a success of ``step``."""
+        """Note the variables that ``step`` reads and sets; return those that are set after it has succeeded.
+
+        ``known`` are the variables that are set before it.
+        """
         self._read(step.reads, known)
         for key in MODIFIERS:
             if key in step.keys and key not in ("recover", "finally"):
@@ -234,7 +248,7 @@ class Dataflow:
 
 
 def _keeps_success(key: str, value: object) -> bool:
-    """Return whether a success of the modified node means that the node itself has succeeded."""
+    """Return whether a node with the modifier ``key`` can only succeed if the node without it has succeeded."""
     del value
     return key in ("timeout", "retry", "while", "delay", "hold", "finally", "recover", "name")
 
@@ -242,9 +256,10 @@ def _keeps_success(key: str, value: object) -> bool:
 def fill_call(
     step: MissionStep, call: SubtreeCall, inner: MissionInterface, names: VariableNames, port_of: dict[str, str]
 ) -> None:
-    """Write ``with`` and ``returns`` beside a ``mission`` step, and note the variables that it reads and sets.
+    """Write ``with`` and ``returns`` beside a ``mission`` step, and note the variables of the caller that it uses.
 
-    ``port_of`` are the entries of the inner tree by the names of their variables.
+    ``call`` is the SubTree node of the step, ``inner`` the interface of the called mission, and ``names`` are the names
+    of the caller's variables. ``port_of`` has the blackboard entry of each variable of the called mission.
     """
     given, returned = dict[str, object](), dict[str, object]()
     reads, sets = list[str](), list[str]()
@@ -272,7 +287,7 @@ def fill_call(
 
 
 def give_missing_params(step: MissionStep, inner: MissionInterface) -> None:
-    """Give null for each param of a called mission that this caller leaves out but others give."""
+    """Pass null for each param of a called mission that this call omits, although the param has no default."""
     given = step.keys.get("with")
     known = given if isinstance(given, dict) else {}
     missing = {name: None for name, value in inner.params.items() if value is ANY_VALUE and name not in known}
@@ -281,7 +296,7 @@ def give_missing_params(step: MissionStep, inner: MissionInterface) -> None:
 
 
 def _outer_entry(call: SubtreeCall, entry: str) -> str | None:
-    """Return the caller's entry for an entry of the inner tree; None if there is none."""
+    """Return the entry of the caller's blackboard that an entry of the called tree is connected to; None without."""
     if entry.startswith(ROOT_ENTRY):
         return entry
     if entry in call.entries:

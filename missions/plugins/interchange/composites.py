@@ -1,4 +1,4 @@
-"""Composites of BehaviorTree.CPP that need more than a word: counts, choices, memory."""
+"""Translation of control nodes of BehaviorTree.CPP that need several words of a mission, such as Switch2."""
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of
 from missions.plugins.interchange.context import TreeContext, fail_again, set_step, word_of
@@ -11,7 +11,7 @@ from missions.plugins.interchange.xml_reader import Element
 
 
 def parallel(tree: TreeContext, element: Element, kind: str) -> MissionStep:
-    """Return a parallel with the counts of the node, as far as they can have an effect."""
+    """Return a Parallel node as a ``parallel``, with the counts of successes and failures that have an effect."""
     count = len(element.children)
     success = tree.port(element, kind, "success_count")
     all_succeed = success == "-1" or success == str(count)
@@ -34,7 +34,11 @@ def parallel(tree: TreeContext, element: Element, kind: str) -> MissionStep:
 
 
 def _count(tree: TreeContext, step: MissionStep, element: Element, port: str, value: str, count: int) -> int | str:
-    """Return a number of children: a constant between 1 and ``count``, or the variable that holds it."""
+    """Return the count in a ``port`` of a Parallel node: a number from 1 to ``count``, or the name of a variable.
+
+    ``value`` is the port's text; a negative number counts from the end, so -1 means all children. ``count`` is the
+    number of children.
+    """
     if is_pointer(value):
         name = tree.pointer(value, port)
         step.reads += (name,)
@@ -48,7 +52,7 @@ def _count(tree: TreeContext, step: MissionStep, element: Element, port: str, va
 
 
 def parallel_all(tree: TreeContext, element: Element, kind: str) -> MissionStep:
-    """Return a parallel that waits for all children."""
+    """Return a ParallelAll node as a ``parallel`` that ends when all children have ended."""
     count = len(element.children)
     step = tree.add_name(MissionStep("parallel", tree.children(element, "success")), element)
     step.keys["wait_for_all"] = True
@@ -61,17 +65,27 @@ def parallel_all(tree: TreeContext, element: Element, kind: str) -> MissionStep:
 
 
 def if_then_else(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return a switch that evaluates its condition once, at the start."""
+    """Return an IfThenElse node as a ``switch``, which evaluates the condition once, at its start.
+
+    None unless the node has two or three children.
+    """
     return _choice(tree, element, kind, reactive=False)
 
 
 def while_do_else(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return a switch that evaluates its condition at every tick."""
+    """Return a WhileDoElse node as a ``reactive_switch``, which evaluates the condition at every tick.
+
+    None unless the node has two or three children.
+    """
     return _choice(tree, element, kind, reactive=True)
 
 
 def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -> MissionStep | None:
-    """Return a switch on the first child: on its expression, or on a variable that it sets."""
+    """Return an IfThenElse or WhileDoElse node as a switch; None unless it has two or three children.
+
+    The first child is the condition. If it is a script, the switch evaluates its expression. Any other condition runs
+    before the switch, and a variable stores whether it has succeeded.
+    """
     if len(element.children) not in (2, 3):
         return None
     first, *others = element.children
@@ -98,7 +112,7 @@ def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -
 
 
 def _plain_condition(tree: TreeContext, element: Element) -> Formula | None:
-    """Return the expression of a ScriptCondition without anything else beside it."""
+    """Return the expression of a ScriptCondition node; None for other nodes, and with assignments or conditions."""
     kind, _ = normal_form(element, tree.project)
     if kind != "ScriptCondition" or any(
         name in (*CONDITION_ATTRIBUTES, *END_ATTRIBUTES) for name in element.attributes
@@ -109,11 +123,11 @@ def _plain_condition(tree: TreeContext, element: Element) -> Formula | None:
 
 
 MAX_CASE_LENGTH = 500
-"""Maximum characters of a case of a switch."""
+"""Maximum characters of a case of a Switch node; a branch with a longer case is left out, with a remark."""
 
 
 def switch(tree: TreeContext, element: Element, kind: str) -> MissionStep:
-    """Return a switch over the values of an entry."""
+    """Return a Switch2 to Switch6 node as a ``reactive_switch`` over the values of its ``variable`` port."""
     variable = tree.port(element, kind, "variable")
     children = tree.children(element, "success")
     reads: tuple[str, ...] = ()
@@ -151,7 +165,10 @@ def _case_key(case: str, kind: str | None) -> str:
 
 
 def sequence_with_memory(tree: TreeContext, element: Element, kind: str) -> MissionStep:
-    """Return a sequence that goes on at the child that failed: a variable holds its number."""
+    """Return a SequenceWithMemory node as a ``sequence`` that continues at the child that failed at the last run.
+
+    A variable holds the number of this child.
+    """
     place = tree.names.fresh(f"{word_of(element.attributes.get('name') or 'sequence')}_step")
     tree.initial[place] = 1
     steps = list[MissionStep]()
@@ -167,7 +184,10 @@ def sequence_with_memory(tree: TreeContext, element: Element, kind: str) -> Miss
 
 
 def try_catch(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return a selector that fails after its last child."""
+    """Return a TryCatch node as a ``selector``: after a failure it runs the last child, and then fails.
+
+    None if the node has fewer than two children.
+    """
     if len(element.children) < 2:
         return None
     *tried, caught = tree.children(element, "success")

@@ -1,4 +1,4 @@
-"""Conditions and scripts on a node: steps and modifiers around it."""
+"""Translation of pre- and postconditions, which are attributes of a node such as ``_skipIf`` and ``_onSuccess``."""
 
 from collections.abc import Mapping
 
@@ -19,11 +19,14 @@ from missions.plugins.interchange.scripts import FLAG, LOGIC, Formula, as_condit
 from missions.plugins.interchange.xml_reader import Element
 
 NEVER_FAILS = ("wait", "succeed", "set")
-"""Leaves that a mission writes and that do not fail."""
+"""Words of the leaves that an import writes by itself and that never fail."""
 
 
 def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip_as: SkipAs) -> MissionStep:
-    """Return a step with its pre- and postconditions around it."""
+    """Return ``step`` inside the steps and modifiers that stand for the pre- and postconditions of its XML node.
+
+    ``skip_as`` is how the parent treats a skipped child.
+    """
     codes = {
         name: element.attributes[name]
         for name in (*CONDITION_ATTRIBUTES, *END_ATTRIBUTES)
@@ -57,7 +60,11 @@ def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip
 
 
 def _limit_by_condition(tree: TreeContext, step: MissionStep, running: Formula, skip_as: SkipAs) -> MissionStep:
-    """Return a step that is skipped once a condition is false, in the way in which its parent takes that."""
+    """Return a step that runs only while the condition ``running`` is true, as with the attribute ``_while``.
+
+    When the condition is false, the step ends with the result that its parent treats like a skipped child; ``skip_as``
+    says which. With "running", the step waits instead.
+    """
     reads = tree.variables_of(running)
     if skip_as != "running":
         stops = ("until", negate(running)) if skip_as == "success" else ("while", running)
@@ -72,7 +79,10 @@ def _limit_by_condition(tree: TreeContext, step: MissionStep, running: Formula, 
 
 
 def _with_ends(tree: TreeContext, element: Element, step: MissionStep, codes: Mapping[str, str]) -> MissionStep:
-    """Return a step with the scripts after its end or its halt."""
+    """Return a step followed by the scripts that its XML node runs after a success, a failure, any end, or a halt.
+
+    ``codes`` has the code of each script by its attribute, such as ``_onSuccess``.
+    """
     scripts = {name: _end_steps(tree, element, codes[name]) for name in END_ATTRIBUTES if name in codes}
     always = scripts.get("_post", [])
     after_success = [*scripts.get("_onSuccess", []), *always]

@@ -1,4 +1,7 @@
-"""Context in which one tree is translated: its names, kinds, stubs and report, and steps that several nodes need."""
+"""Context for the translation of one tree, and functions that create steps which several kinds of nodes need.
+
+The context has the names of variables, the kinds of their values, the stub leaves and the report.
+"""
 
 import json
 import re
@@ -17,6 +20,7 @@ from missions.plugins.interchange.scripts import (
     FLAG,
     LOGIC,
     NUMBER,
+    TEXT,
     Assignment,
     Formula,
     Script,
@@ -27,14 +31,22 @@ from missions.plugins.interchange.stub_leaves import StubTable
 from missions.plugins.interchange.xml_reader import Element
 
 SkipAs = Literal["success", "failure", "running"]
-"""How a parent treats a skipped child: as a success, as a failure, or as a child that runs on."""
+"""How a parent treats a skipped child: like a success, like a failure, or like a child that is still running."""
 
 TranslateNode = Callable[["TreeContext", Element, SkipAs, str], MissionStep]
-"""Function that translates a node with all nodes below it; the last argument is the kind of its parent."""
+"""Function that translates an XML node and all nodes below it to a step.
+
+Its arguments are the context, the node, how the parent treats a skipped child, and the kind of the parent, such as
+"ReactiveSequence".
+"""
 
 
 class TreeContext:
-    """Context of one tree; ``translate_node`` is the dispatcher, which the translations of parents call."""
+    """Context for the translation of one tree: the names of its variables, the stub leaves, the report and so on.
+
+    ``translate_node`` translates a node of any kind; the translations of parents call it for their children. ``calls``
+    are the SubTree nodes found so far, ``initial`` the values of variables that the translation adds.
+    """
 
     def __init__(
         self,
@@ -57,7 +69,7 @@ class TreeContext:
         self.initial: dict[str, object] = {}
 
     def node(self, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
-        """Translate a node below one of kind ``parent``, with its conditions."""
+        """Translate a node, with its pre- and postconditions; ``parent`` is the kind of the node above it."""
         return self._translate_node(self, element, skip_as, parent)
 
     def children(self, element: Element, skip_as: SkipAs) -> list[MissionStep]:
@@ -71,7 +83,7 @@ class TreeContext:
         return step
 
     def add_outer_name(self, step: MissionStep, element: Element) -> MissionStep:
-        """Give a step the name of a node around it, if it has none."""
+        """Give ``step`` the name of a node around it that has no step of its own, unless the step has a name."""
         name = element.attributes.get("name", "").strip()
         if name and name != element.tag and "name" not in step.keys and step.word != "mission":
             step.keys = {"name": name, **step.keys}
@@ -79,7 +91,7 @@ class TreeContext:
         return step
 
     def port(self, element: Element, kind: str, port: str) -> str:
-        """Return the value of a port, by its present or an older name, or its default."""
+        """Return the value of a node's port, which may be written with an older name; otherwise its default."""
         for name, value in element.attributes.items():
             if name == port or OLD_PORTS.get((kind, name)) == port:
                 return value.strip()
@@ -91,7 +103,7 @@ class TreeContext:
         return name
 
     def pointer(self, value: str, port: str) -> str:
-        """Return the variable of a pointer ``{x}``."""
+        """Return the name of the variable for a port's ``value`` that names a blackboard entry: ``{x}``."""
         return self.variable(entry_of(value, port))
 
     def condition(self, element: Element, code: str) -> Formula | None:
@@ -102,7 +114,7 @@ class TreeContext:
         return script.condition
 
     def script(self, element: Element, code: str) -> Script | None:
-        """Return a parsed script; None, with a remark, if missions cannot express it."""
+        """Return the parsed script ``code``; None if missions cannot express it, which is reported."""
         try:
             return parse_script(code, self.variable, self.kinds)
         except ScriptError as error:
@@ -113,7 +125,10 @@ class TreeContext:
         return tuple(dict.fromkeys(self.variable(entry) for entry in formula.reads))
 
     def set_steps(self, assignments: Iterable[Assignment]) -> list[MissionStep]:
-        """Return the steps of assignments; one that reads an earlier one needs a step of its own."""
+        """Return ``set`` steps for the assignments of a script, as few as possible.
+
+        An assignment that reads a variable which the script has set before needs a step of its own.
+        """
         steps = list[MissionStep]()
         for each in assignments:
             name = self.variable(each.entry)
@@ -130,7 +145,7 @@ class TreeContext:
 
 
 def assigned_value(formula: Formula, kind: str | None) -> object:
-    """Return the value of an assignment as a mission takes it."""
+    """Return the new value in an assignment as a value for ``set``; ``kind`` is the kind of the variable's values."""
     constant = formula.constant
     if isinstance(constant, bool):
         return int(constant) if kind == NUMBER else constant
@@ -138,7 +153,7 @@ def assigned_value(formula: Formula, kind: str | None) -> object:
         return bool(constant) if kind == FLAG and constant in (0, 1) else constant
     if isinstance(constant, str):
         return constant
-    if formula.is_template:
+    if formula.parts and not all(part.kind == TEXT for part in formula.parts):
         words = (part.constant if isinstance(part.constant, str) else f"${{{part.text}}}" for part in formula.parts)
         return Verbatim(json.dumps("".join(words), ensure_ascii=False))
     if kind == NUMBER and formula.kind == FLAG:
@@ -152,30 +167,34 @@ def set_step(values: dict[str, object]) -> MissionStep:
 
 
 def fail_again() -> MissionStep:
-    """Return a failure with the reason of the failure before it."""
+    """Return a ``fail`` step whose reason is that of the failure before it."""
     return MissionStep("fail", Computed("failure"))
 
 
 def wrap_in(step: MissionStep, word: str, children: list[MissionStep]) -> MissionStep:
-    """Return a composite around a step, with the comments of that step."""
+    """Return a composite ``word`` with these children; it takes over the comments of ``step``, one of them."""
     return MissionStep(word, children, comments=take_comments(step))
 
 
 def take_comments(step: MissionStep) -> list[str]:
-    """Remove and return the comments of a step, for a node around it."""
+    """Remove the comments of a step and return them; a new step around it then has them."""
     comments, step.comments = step.comments, []
     return comments
 
 
 def copies(steps: list[MissionStep]) -> list[MissionStep]:
-    """Return copies of steps, for a second place in the tree."""
+    """Return copies of steps that a mission runs at a second place of the tree."""
     return [MissionStep(step.word, step.value, dict(step.keys), reads=step.reads, sets=step.sets) for step in steps]
 
 
 def with_outputs(
     step: MissionStep, outputs: dict[str, str], *, several: bool, fresh: Callable[[str], str]
 ) -> MissionStep:
-    """Store the outputs of a leaf: its only output by ``as``, several by a ``set`` after it."""
+    """Return a step that runs the leaf ``step`` and stores its outputs; ``outputs`` has a variable for each port.
+
+    The only output of a leaf is stored by ``as``. With ``several``, the leaf returns a mapping, which ``as`` stores in
+    a variable named by ``fresh``; a ``set`` step after it stores each output.
+    """
     if not outputs:
         return step
     if not several:
@@ -192,34 +211,37 @@ def with_outputs(
 
 
 def description_of(element: Element) -> list[str]:
-    """Return the text of an editor's note on a node, as comments."""
+    """Return the note that an editor stored in the attribute ``_description`` of a node, as a list of comments."""
     text = element.attributes.get("_description", "").strip()
     return [text] if text else []
 
 
 def remark_of(element: Element, child: MissionStep) -> str:
-    """Return the name of a decorator for a comment behind its modifier."""
+    """Return the name of a decorator, as a comment behind the modifier that replaces it; empty if it says nothing new.
+
+    ``child`` is the step of the decorator's child.
+    """
     name = element.attributes.get("name", "").strip()
     return "" if name in ("", element.tag, child.keys.get("name")) else name
 
 
 def word_of(text: str) -> str:
-    """Return a text as a word for the name of a variable."""
+    """Return a text in snake case, as the beginning of a variable's name."""
     return re.sub(r"\W+", "_", to_snake_case(text)).strip("_")[:40] or "node"
 
 
 def skip_in(word: str) -> SkipAs:
-    """Return how a composite treats a skipped child."""
+    """Return how the composite ``word`` of a mission treats a skipped child."""
     return "failure" if word.endswith("selector") else "success"
 
 
 def quantity(number: float, unit: str) -> Verbatim:
-    """Return a number with a unit; seconds below one in milliseconds."""
+    """Return a number with a unit, such as ``2 s``; a time below 1 s is written in milliseconds."""
     if unit == "s" and abs(number) < 1:
         number, unit = number * 1000, "ms"
     return Verbatim(f"{round(number, 9):.12g} {unit}")
 
 
 def recovery_element(element: Element) -> Element:
-    """Return the second child of a RecoveryNode."""
+    """Return the recovery of a RecoveryNode of Nav2: its second child."""
     return element.children[1]

@@ -1,6 +1,6 @@
-"""Removal of steps that are never reached, and of modifiers without effect: `mission check` refuses both.
+"""Removal of steps that a mission never reaches, and of modifiers without effect.
 
-BehaviorTree.CPP accepts them, and they change nothing there.
+BehaviorTree.CPP accepts such nodes, although they change nothing. `mission check` would refuse them.
 """
 
 from collections.abc import Callable, Mapping
@@ -25,13 +25,13 @@ from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.xml_reader import Element
 
 EndsOfMission = Callable[[MissionStep], Ends]
-"""Function that returns the possible ends of the mission that a step runs."""
+"""Function that returns the possible results of the mission that a ``mission`` step runs."""
 
 
 class DeadStepRemover:
-    """Removes dead steps of one mission, and computes with which results it can end.
+    """Removes steps that are never reached from one mission, and finds the results with which the mission can end.
 
-    ``instant_stubs`` are the tags of stubs that end at once.
+    ``instant_stubs`` are the tags of stub leaves that end at the tick in which they start.
     """
 
     def __init__(
@@ -45,7 +45,10 @@ class DeadStepRemover:
         self._report = report
 
     def clean(self, step: MissionStep) -> Ends:
-        """Remove dead steps below ``step``; return the results with which it can end, empty if it never ends."""
+        """Remove the steps below ``step`` that are never reached; return the possible results of ``step``.
+
+        The results are empty if the step never ends.
+        """
         ends = self._ends_of_word(step)
         for key, value in list(step.keys.items()):
             kind = MODIFIERS.get(key)
@@ -63,7 +66,7 @@ class DeadStepRemover:
         return ends
 
     def _is_instant(self, step: MissionStep, key: str) -> bool:
-        """Return whether a step is a leaf that ends at once, without a modifier before ``key``."""
+        """Return whether a step is a leaf that ends at its first tick, without a modifier before ``key``."""
         before = list(step.keys)[: list(step.keys).index(key)]
         if any(each in MODIFIERS for each in before):
             return False
@@ -92,7 +95,11 @@ class DeadStepRemover:
         return _all_or_one(below, composite.passes)
 
     def _clean_in_order(self, step: MissionStep, passes: str) -> Ends:
-        """Remove the children behind one that always ends the composite."""
+        """Remove the children of a sequence or selector that stand behind a child which always ends it.
+
+        ``passes`` is the result of a child after which the next child runs. Return the possible results of the
+        composite.
+        """
         below, children = list[Ends](), step.branches
         for number, child in enumerate(children):
             below.append(self.clean(child))
@@ -121,7 +128,10 @@ def _after_modifier(kind: ModifierKind, ends: Ends, *, forever: bool) -> Ends:
 
 
 def _all_or_one(below: list[Ends], passes: str) -> Ends:
-    """Return the results of a composite that ends with ``passes`` if all its children do."""
+    """Return the possible results of a composite that ends with the result ``passes`` only if all its children do.
+
+    ``below`` has the possible results of each child. If one child ends otherwise, so does the composite.
+    """
     other = FAILURE if passes == SUCCESS else SUCCESS
     found = {other} if any(other in each for each in below) else set[str]()
     if not any(each.isdisjoint({passes, SKIPPED}) for each in below):

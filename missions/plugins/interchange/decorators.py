@@ -1,4 +1,4 @@
-"""Decorators of BehaviorTree.CPP and MoveIt Pro that need more than a word."""
+"""Translation of decorators of BehaviorTree.CPP and MoveIt Pro that need more than one word of a mission."""
 
 from missions.plugins.interchange.blackboard import constant_value
 from missions.plugins.interchange.context import SkipAs, TreeContext, fail_again, quantity, remark_of, set_step, word_of
@@ -13,7 +13,10 @@ from missions.plugins.interchange.xml_reader import Element
 def measured(
     tree: TreeContext, element: Element, kind: str, known: ForeignKind, child: MissionStep
 ) -> MissionStep | None:
-    """Return a child with a modifier whose value is a number of a port: a count, or a time in milliseconds."""
+    """Return the child of a decorator with a modifier whose value is the number in a port, such as ``retry: 3``.
+
+    ``known.port`` is the port, a count or a time in milliseconds.
+    """
     text = tree.port(element, kind, known.port)
     if is_pointer(text):
         name = tree.pointer(text, known.port)
@@ -37,7 +40,7 @@ def measured(
 
 
 def run_once(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep:
-    """Return a node that runs once, by `once` or by a variable."""
+    """Return the child of a RunOnce node, with ``once`` or with a variable that says that it has run."""
     child = tree.node(element.children[0], skip_as, kind)
     if not tree.tree.is_main:
         tree.report.add(DIFFERS, element, "runs once in each run of its mission, not once for ever", kind)
@@ -52,7 +55,11 @@ def run_once(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) ->
 
 
 def precondition(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep | None:
-    """Return a node with a condition for its start."""
+    """Return a Precondition node: its child, and the condition of its ``if`` port, which is evaluated at the start.
+
+    The ``else`` port decides whether a false condition skips the child, succeeds, fails, or waits. None if missions
+    cannot express the condition.
+    """
     formula = tree.condition(element, tree.port(element, kind, "if"))
     if formula is None:
         return None
@@ -74,7 +81,10 @@ def precondition(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs
 
 
 def loop(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep | None:
-    """Return a loop over the members of a queue."""
+    """Return a LoopInt, LoopBool, LoopDouble or LoopString node as a ``for_each`` over its ``queue`` port.
+
+    None if its ``value`` port names no blackboard entry, or the queue is an empty constant.
+    """
     queue, value = tree.port(element, kind, "queue"), tree.port(element, kind, "value")
     if tree.port(element, kind, "if_empty").upper() not in ("SUCCESS", ""):
         tree.report.add(DIFFERS, element, "an empty list succeeds", kind)
@@ -107,7 +117,11 @@ def _for_each(
 
 
 def for_each_of_vector(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep | None:
-    """Return a loop over the members of a list; one until success is inverted twice."""
+    """Return a ForEach or ForEachUntilSuccess node of MoveIt Pro as a ``for_each`` over its ``vector_in`` port.
+
+    To end at the first success, both the ``for_each`` and its child are inverted. None if its ``out`` port names no
+    blackboard entry, or the vector is an empty constant.
+    """
     among, member, number = (tree.port(element, kind, port) for port in ("vector_in", "out", "index"))
     if not is_pointer(member):
         return None
@@ -121,7 +135,7 @@ def for_each_of_vector(tree: TreeContext, element: Element, kind: str, skip_as: 
 
 
 def blackboard_check(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep:
-    """Return a node that runs while two values are equal."""
+    """Return the child of a BlackboardCheck node; it runs while the ports ``value_A`` and ``value_B`` are equal."""
     child = tree.node(element.children[0], skip_as, kind)
     sides = list[str]()
     reads: tuple[str, ...] = ()

@@ -1,6 +1,8 @@
-"""Trees and models of nodes in the XML files of one project, with includes inside its folder."""
+"""Reader of a project of BehaviorTree.CPP: the trees and the declared nodes in its XML files, and included files.
 
-import re
+An included file outside the project's folder is not read.
+"""
+
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os.path import realpath
@@ -13,16 +15,16 @@ from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.xml_reader import Element, read_xml, walk_elements
 
 MAX_FILES = 2_000
-"""Maximum files of a folder."""
+"""Maximum number of XML files in a folder that is imported."""
 
 EXPLICIT_ROLES = ("Action", "Condition", "Control", "Decorator", "SubTree", "SubTreePlus")
-"""Tags of the explicit form: ``<Action ID="Grasp"/>`` is ``<Grasp/>``."""
+"""Tags of the explicit form, in which the tag is the role of a node: ``<Action ID="Grasp"/>`` means ``<Grasp/>``."""
 
 GENERIC_TREE_NAMES = frozenset({"maintree", "main", "behaviortree", "tree", "root", "untitled", "bt", "navigation"})
-"""Names of trees that say less than the name of their file."""
+"""IDs of trees that say less than the name of their file, so that the mission is named after the file."""
 
 INCLUDES = ("include", "import")
-"""Elements that name another file, in small letters."""
+"""Tags of elements that include another XML file, in lower case."""
 
 OUTPUT_NAMES = ("output", "out")
 DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "inout"}
@@ -30,7 +32,10 @@ DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "inout"}
 
 @dataclass(frozen=True, slots=True)
 class PortModel:
-    """A declared port: ``direction`` is in, out or inout; ``default`` is None if there is none."""
+    """A port as declared in the model of its node: ``direction`` is "in", "out" or "inout".
+
+    ``type`` is its C++ type, empty if unknown; ``default`` is None without a default.
+    """
 
     direction: str
     type: str = ""
@@ -40,17 +45,13 @@ class PortModel:
 
 @dataclass(slots=True)
 class NodeModel:
-    """A declared node: its role, one of ``EXPLICIT_ROLES`` or empty, and its ports by name.
-
-    ``word`` is the word of missions from which `mission show` made the node, empty for others.
-    """
+    """Declaration of a kind of node: its role, one of ``EXPLICIT_ROLES`` or empty, and its ports by name."""
 
     role: str
     ports: dict[str, PortModel] = field(default_factory=dict)
-    word: str = ""
 
     def port(self, name: str) -> PortModel:
-        """Return a declared port; the direction of others follows from their names."""
+        """Return the port with this name. For an undeclared port, the direction is guessed from the name."""
         if name in self.ports:
             return self.ports[name]
         is_output = name.startswith(("output_", "out_")) or name.endswith(("_out", "_output")) or name in OUTPUT_NAMES
@@ -59,7 +60,7 @@ class NodeModel:
 
 @dataclass(slots=True)
 class SourceTree:
-    """A tree of a file: ``body`` is its root node, None if it is empty. ``version`` is 3 or 4."""
+    """A tree in an XML file: ``element`` is its ``<BehaviorTree>``, ``body`` its root node, None if empty."""
 
     id: str
     element: Element
@@ -69,11 +70,14 @@ class SourceTree:
 
     @property
     def version(self) -> int:
-        """Version of the file's format."""
+        """Version of BehaviorTree.CPP for which the file was written: 3 or 4."""
         return self.file.version
 
     def port_defaults(self, models: Mapping[str, NodeModel]) -> dict[str, str]:
-        """Return the defaults of ports that stand in the model of the tree, and on the tree itself."""
+        """Return the default values of the tree's ports that are not empty, by the name of the port.
+
+        They are declared in the tree's model, one of ``models``, or as attributes of the ``<BehaviorTree>`` element.
+        """
         model = models.get(self.id)
         found = {} if model is None else {name: port.default or "" for name, port in model.ports.items()}
         on_tree = {name: value for name, value in self.element.attributes.items() if name not in ("ID", "name")}
@@ -83,7 +87,10 @@ class SourceTree:
 
 @dataclass(slots=True)
 class TreeFile:
-    """A file with trees: those of its own and of the files that it includes, by ID."""
+    """An XML file with behaviour trees: ``trees`` are its own by their ID.
+
+    ``visible`` are its own trees and those of the files that it includes.
+    """
 
     path: Path
     root: Element
@@ -94,9 +101,9 @@ class TreeFile:
 
 @dataclass(slots=True)
 class ForeignProject:
-    """All files of an import, with the models of nodes by ID.
+    """All XML files of an import, and the declarations of nodes in them, ``models``, by the ID of the node.
 
-    ``guessed_outputs`` are ports of nodes without a model that seem to be outputs, by the ID of the node.
+    ``guessed_outputs`` has, for leaves without a declaration, the ports that seem to be outputs.
     """
 
     folder: Path
@@ -105,12 +112,15 @@ class ForeignProject:
     guessed_outputs: dict[str, set[str]] = field(default_factory=dict)
 
     def trees(self) -> Iterator[SourceTree]:
-        """Yield all trees, in the order of files."""
+        """Yield all trees of the project, file by file."""
         for file in self.files.values():
             yield from file.trees.values()
 
     def find_tree(self, name: str, file: TreeFile) -> SourceTree | None:
-        """Return the tree that a SubTree in ``file`` names: there, in its includes, or the only one of the project."""
+        """Return the tree with the ID ``name`` that a SubTree node in ``file`` runs; None if there is none.
+
+        It is a tree of the file or of its includes; otherwise the only one in the project or in the file's folder.
+        """
         if name in file.visible:
             return file.visible[name]
         found = [tree for tree in self.trees() if tree.id == name]
@@ -119,9 +129,9 @@ class ForeignProject:
 
 
 def read_project(path: Path, report: ImportReport) -> ForeignProject:
-    """Read one file with its includes, or all files of a folder. Raises InvalidFileError.
+    """Read an XML file with the files that it includes, or all XML files of a folder. Raises InvalidFileError.
 
-    In a folder, a file that cannot be read is reported, and files without trees are ignored.
+    In a folder, a file that cannot be read is a remark in ``report``, and files without trees are ignored.
     """
     if not path.is_dir():
         project = ForeignProject(path.parent)
@@ -149,7 +159,10 @@ NOT_A_TREE = "not a behaviour tree: its first element must be <root>"
 
 
 def _files_of(folder: Path) -> list[Path]:
-    """Return the XML files below a folder, without links that lead out of it. Raises InvalidFileError for too many."""
+    """Return the XML files in a folder and below it, except links to files elsewhere.
+
+    Raises InvalidFileError for more than ``MAX_FILES``.
+    """
     found = [each for each in sorted(folder.rglob("*.xml")) if each.is_file() and _is_inside(each, folder)]
     if len(found) > MAX_FILES:
         message = f"more than {MAX_FILES:,} XML files"
@@ -181,7 +194,7 @@ def _read_file(project: ForeignProject, path: Path, report: ImportReport, chain:
 
 
 def _read_elements(project: ForeignProject, file: TreeFile, report: ImportReport) -> None:
-    """Add the trees and models of a file, and mark its main tree."""
+    """Add the trees of a file to ``file`` and its node declarations to the project, and mark the main tree."""
     named_main = file.root.attributes.get("main_tree_to_execute", "")
     for element in file.root.children:
         if element.tag == "BehaviorTree":
@@ -202,7 +215,10 @@ def _display_name(path: Path, folder: Path) -> str:
 def _include(
     project: ForeignProject, file: TreeFile, element: Element, report: ImportReport, chain: tuple[Path, ...]
 ) -> None:
-    """Read an included file, if it lies in the folder of the project. Raises InvalidFileError for a cycle."""
+    """Read the file that an ``<include>`` element names, if it lies in the folder of the project.
+
+    ``chain`` has the files whose includes lead to this one. Raises InvalidFileError if the file is among them.
+    """
     name = next((element.attributes[each] for each in ("path", "file", "src") if element.attributes.get(each)), "")
     if not name or "ros_pkg" in element.attributes or "\0" in name:
         report.add(LOST, element, "includes from a ROS package are not followed: import its folder")
@@ -222,7 +238,11 @@ def _include(
 
 
 def _version(root: Element) -> int:
-    """Return the version of a file's format: as it says, or as its attributes show."""
+    """Return the version of BehaviorTree.CPP, 3 or 4, for which a file was written.
+
+    It is declared in the attribute ``BTCPP_format``; otherwise it is 4 if the file has elements that only version 4
+    has.
+    """
     declared = root.attributes.get("BTCPP_format", "").strip()
     if declared:
         return 3 if declared.startswith("3") else 4
@@ -240,7 +260,7 @@ def _is_version_4(element: Element) -> bool:
 
 
 def is_pointer(value: str) -> bool:
-    """Return whether a port's value names an entry of the blackboard: ``{x}``."""
+    """Return whether the value of a port names an entry of the blackboard, as ``{x}`` does."""
     text = value.strip().removeprefix("$")  # version 2 wrote ${x}
     return text.startswith("{") and text.endswith("}") and "{" not in text[1:-1] and len(text) > 2
 
@@ -265,9 +285,6 @@ def _add_models(project: ForeignProject, element: Element) -> None:
         if declared.tag not in EXPLICIT_ROLES or not name:
             continue
         model = project.models.setdefault(name, NodeModel(declared.tag))
-        metadata = (each for fields in declared.children if fields.tag == "MetadataFields" for each in fields.children)
-        words = (each.attributes["mission"] for each in metadata if "mission" in each.attributes)
-        model.word = next((word for word in words if re.fullmatch(r"[a-z]\w{0,79}", word, re.ASCII)), model.word)
         for port in declared.children:
             if (direction := DIRECTIONS.get(port.tag)) and (port_name := port.attributes.get("name", "")):
                 found = PortModel(
@@ -277,16 +294,20 @@ def _add_models(project: ForeignProject, element: Element) -> None:
 
 
 def call_ports(project: ForeignProject, tree: SourceTree | None, element: Element) -> dict[str, str]:
-    """Return the ports of a SubTree node: the given ones, and the defaults of its model and of the tree itself."""
+    """Return the values of the ports of a SubTree node: those written in it, and the defaults of the called ``tree``.
+
+    A ``tree`` of None is unknown and has no defaults.
+    """
     found = {} if tree is None else tree.port_defaults(project.models)
     given = {name: value for name, value in element.attributes.items() if name not in ("ID", "name")}
     return found | {name: value for name, value in given.items() if not name.startswith("_")}
 
 
 def normal_form(element: Element, project: ForeignProject) -> tuple[str, str]:
-    """Return the kind of a node, and its role if the file says it: ``<Action ID="Grasp"/>`` is ("Grasp", "Action").
+    """Return the kind of a node and its role: ("Grasp", "Action") for ``<Action ID="Grasp"/>``.
 
-    Older names are replaced by present ones, and names in another case by those of the library.
+    The role is empty if neither the file nor a declaration says it. An older name of a kind is replaced by the present
+    one, and a name with other capital letters by that of BehaviorTree.CPP.
     """
     tag, role = element.tag, ""
     if tag in EXPLICIT_ROLES and not tag.startswith("SubTree") and element.attributes.get("ID"):

@@ -1,4 +1,4 @@
-"""Import of a project: its trees as texts of missions, the stubs of its leaves, and the report."""
+"""Import of a project of BehaviorTree.CPP: texts of missions from its trees, stubs of its leaves, and the report."""
 
 import re
 from collections.abc import Mapping
@@ -26,13 +26,10 @@ from missions.plugins.interchange.foreign_trees import (
 )
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, mission_text
-from missions.plugins.interchange.node_kinds import PARAMS, RETURNS
-from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import TranslatedTree, translate_tree
-from missions.plugins.interchange.yaml_ports import read_entries
 
 MISSION_SUFFIX = ".yaml"
 STUB_FOLDER = "behaviours"
@@ -41,7 +38,10 @@ REPORT_NAME = "IMPORTED.md"
 
 @dataclass(slots=True)
 class ImportedProject:
-    """Files of an import by their path in the folder, and the report."""
+    """Result of an import: the text of each file to write, by its path in the output folder, and the report.
+
+    ``missions`` and ``stubs`` are the numbers of missions and of stub leaves.
+    """
 
     files: dict[str, str] = field(default_factory=dict)
     report: ImportReport = field(default_factory=ImportReport)
@@ -52,7 +52,11 @@ class ImportedProject:
 def import_trees(
     path: Path, leaves: Mapping[str, type[Leaf]], rules: Mapping[str, LeafRule] | None = None
 ) -> ImportedProject:
-    """Read a file or a folder, and return its missions. Raises InvalidFileError; nothing is written."""
+    """Read an XML file or a folder of them, and return the missions of its trees, without writing them.
+
+    ``leaves`` are the leaves of missions by tag; ``rules`` replace leaves of the other program by them, in addition to
+    ``LEAF_RULES``. Raises InvalidFileError.
+    """
     imported = ImportedProject()
     project = read_project(path, imported.report)
     names = _mission_names(project, single=not path.is_dir())
@@ -80,7 +84,7 @@ def import_trees(
 
 
 MAX_NAME_LENGTH = 80
-"""Maximum characters of the name of a mission."""
+"""Maximum characters of the name of a mission, made from the ID of a tree."""
 
 
 def _word(text: str) -> str:
@@ -88,7 +92,10 @@ def _word(text: str) -> str:
 
 
 def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
-    """Return the names of missions: of trees, or of files for trees with a general name."""
+    """Return the name of each tree's mission, by the Python ``id`` of the tree.
+
+    It is the ID of the tree, or the name of its file if the ID is a general word, such as "MainTree".
+    """
     found, taken = dict[int, str](), set[str]()
     trees = list(project.trees())
     often = [_word(tree.id) for tree in trees]
@@ -108,7 +115,10 @@ def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
 def _connect(
     project: ForeignProject, translated: Mapping[int, TranslatedTree], names: Mapping[int, str], report: ImportReport
 ) -> dict[int, MissionInterface]:
-    """Fill in the calls of other trees, callees first, and return the params and variables of each mission."""
+    """Fill in all ``mission`` steps, those of called trees first; return the interface of each mission.
+
+    All mappings are by the Python ``id`` of the tree.
+    """
     interfaces: dict[int, MissionInterface] = {}
     for key in translated:
         _connect_tree(project, key, translated, interfaces, names, report, ())
@@ -140,8 +150,6 @@ def _connect_tree(
             continue
         _connect_tree(project, inner, translated, interfaces, names, report, (*chain, key))
         step.value = names[inner]
-        if header_of(call.tree) is not None:
-            continue  # its ports are those of the call
         fill_call(step, call, interfaces[inner], each.names, translated[inner].entries)
         for variable in (*step.reads, *step.sets):
             each.entries.setdefault(variable, _entry_behind(each, variable))
@@ -156,11 +164,6 @@ def _entry_behind(tree: TranslatedTree, variable: str) -> str:
 
 
 def _interface(project: ForeignProject, each: TranslatedTree) -> MissionInterface:
-    if header_of(each.tree) is not None:
-        attributes = each.tree.element.attributes
-        params = dict.fromkeys(read_entries(attributes.get(PARAMS, "")))
-        results = dict.fromkeys(read_entries(attributes.get(RETURNS, "")))
-        return MissionInterface(dict(params), results, set(), dict.fromkeys(params))
     flow = Dataflow()
     start = frozenset(each.initial)
     after = flow.follow(each.root, start)
@@ -178,7 +181,10 @@ def _interface(project: ForeignProject, each: TranslatedTree) -> MissionInterfac
 def _remove_dead_steps(
     translated: Mapping[int, TranslatedTree], leaves: Mapping[str, type[Leaf]], stubs: StubTable, report: ImportReport
 ) -> None:
-    """Remove steps that are never reached from all missions, callees first."""
+    """Remove the steps that are never reached from all missions, and report them.
+
+    A called mission comes before its callers, since its possible results decide which steps of the caller are reached.
+    """
     instant = frozenset(stub.tag for stub in stubs.stubs.values() if stub.is_instant)
     callees = {id(step): id(call.tree) for each in translated.values() for step, call in each.calls}
     ends: dict[int, Ends] = {}
@@ -190,8 +196,7 @@ def _remove_dead_steps(
     def ends_of_tree(key: int) -> Ends:
         if key not in ends:
             ends[key] = BOTH_ENDS  # in case a tree runs itself
-            if header_of(translated[key].tree) is None:  # the checker has accepted ours
-                ends[key] = DeadStepRemover(leaves, instant, ends_of_mission, report).clean(translated[key].root)
+            ends[key] = DeadStepRemover(leaves, instant, ends_of_mission, report).clean(translated[key].root)
         return ends[key]
 
     for key in translated:
@@ -199,9 +204,7 @@ def _remove_dead_steps(
 
 
 def _set_unset_variables(each: TranslatedTree, interface: MissionInterface) -> None:
-    """Set variables that are read before they are set to null at the start of their mission."""
-    if header_of(each.tree) is not None:
-        return
+    """Set the variables that a mission reads before it sets them, and that are no params, to null at its start."""
     unset = {name: None for name in interface.needs if name not in interface.params and name not in each.initial}
     initial = {**each.initial, **unset}
     if initial:
@@ -227,7 +230,6 @@ def _text(each: TranslatedTree, interface: MissionInterface, name: str) -> str:
     return mission_text(
         name,
         each.root,
-        header=header_of(tree),
         params=interface.params,
         param_remarks=remarks,
         comments=(*comments, *tree.element.comments),

@@ -1,6 +1,6 @@
-"""Leaves of other systems that a mission has: a table with the ports of each, which users extend by a YAML file.
+"""Table of leaves of other programs that a leaf of missions can replace, and how their ports become its arguments.
 
-The file has one key, ``leaves``::
+Users extend the table by a YAML file with one key, ``leaves``::
 
     leaves:
       SaySomething: {leaf: say, ports: {message: text}}
@@ -8,8 +8,8 @@ The file has one key, ``leaves``::
       Retreat: {leaf: drive, ports: {distance: -distance in m}}
       ComputePathToPose: {outputs: [path]}
 
-``-distance in m`` reverses the sign. ``outputs`` are ports that the leaf writes; the first one of a leaf of a mission
-is stored by ``as``.
+Each port has the name of an argument, with the unit of the port's number. The minus in ``-distance in m`` reverses the
+sign. ``outputs`` are the ports that the leaf writes. If a leaf of missions replaces it, ``as`` stores the first output.
 """
 
 import re
@@ -26,12 +26,12 @@ from config.yaml_nodes import Mapping as Entries
 RULE_KEYS = ("leaf", "ports", "outputs")
 PORT_RULE = re.compile(r"(?P<sign>-?)(?P<argument>[A-Za-z_]\w*)(?:\s+in\s+(?P<unit>\S+))?")
 TIMEOUT = "timeout"
-"""Argument of a rule that becomes the modifier ``timeout``."""
+"""Name in a table of leaves for a port that becomes the modifier ``timeout``, instead of an argument."""
 
 
 @dataclass(frozen=True, slots=True)
 class PortRule:
-    """Argument of a leaf for a port: its name, the unit of the port's numbers, and whether its sign is reversed."""
+    """How a port becomes an ``argument`` of a leaf: the ``unit`` of the port's number, and whether to negate it."""
 
     argument: str
     unit: str = ""
@@ -40,7 +40,10 @@ class PortRule:
 
 @dataclass(frozen=True, slots=True)
 class LeafRule:
-    """A leaf of a mission for a leaf of another system; without ``leaf``, only its outputs are known."""
+    """How a leaf of another program is translated: the tag of the mission's ``leaf``, and an argument for each port.
+
+    ``outputs`` are the ports that the leaf writes. If ``leaf`` is empty, the rule only declares them.
+    """
 
     leaf: str = ""
     ports: Mapping[str, PortRule] = field(default_factory=dict)
@@ -52,7 +55,7 @@ def _rule(leaf: str, **ports: str) -> LeafRule:
 
 
 def read_port_rule(text: str) -> PortRule:
-    """Parse a rule of a port, such as ``angle in rad``. Raises ValueError."""
+    """Return the rule in a text such as ``angle in rad``: an argument and a unit. Raises ValueError."""
     found = PORT_RULE.fullmatch(text.strip())
     if found is None:
         raise ValueError("write an argument, such as 'text', or with a unit, such as 'angle in rad'")
@@ -70,11 +73,11 @@ LEAF_RULES: Mapping[str, LeafRule] = {
         "drive", dist_to_travel="distance in m", speed="speed in m/s", time_allowance="timeout in s"
     ),
 }
-"""Leaves of Nav2 that missions have."""
+"""Rules for leaves of Nav2 that a leaf of missions can replace, such as Spin by ``turn``."""
 
 
 def read_rules(path: Path, leaves: Mapping[str, type[Leaf]]) -> dict[str, LeafRule]:
-    """Read a table of leaves. Raises InvalidFileError with all mistakes in it."""
+    """Read a user's table of leaves from a YAML file. Raises InvalidFileError with all mistakes in the file."""
     source, faults = read_source(path), list[Diagnostic]()
     root = compose(source, faults)
     table = root.get("leaves") if isinstance(root, Entries) else None

@@ -1,4 +1,4 @@
-"""Leaves: those of missions, those of the table of leaves, and stubs for all others."""
+"""Translation of leaves: to a leaf of missions, by the table of leaves, or to a stub leaf."""
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of, kind_of_constant
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
@@ -14,7 +14,7 @@ from missions.plugins.interchange.xml_reader import Element
 
 
 def sleep(tree: TreeContext, element: Element) -> MissionStep:
-    """Return a step that waits."""
+    """Return a Sleep node as a ``wait`` step; as ``succeed`` if its time is 0."""
     text = tree.port(element, "Sleep", "msec")
     if is_pointer(text):
         name = tree.pointer(text, "msec")
@@ -27,7 +27,7 @@ def sleep(tree: TreeContext, element: Element) -> MissionStep:
 
 
 def script_step(tree: TreeContext, element: Element) -> MissionStep:
-    """Return the assignments of a script."""
+    """Return a Script node as ``set`` steps for its assignments; a stub leaf if missions cannot express it."""
     script = tree.script(element, element.attributes.get("code", ""))
     if script is None:
         return _script_stub(tree, element)
@@ -38,7 +38,10 @@ def script_step(tree: TreeContext, element: Element) -> MissionStep:
 
 
 def script_condition(tree: TreeContext, element: Element) -> MissionStep:
-    """Return a check of the condition of a script, after its assignments."""
+    """Return a ScriptCondition node as a ``check``, after ``set`` steps for its assignments.
+
+    A stub leaf if missions cannot express the script.
+    """
     script = tree.script(element, element.attributes.get("code", ""))
     if script is None or (script.condition is None and not script.assignments):
         return _script_stub(tree, element)
@@ -56,7 +59,7 @@ def _script_stub(tree: TreeContext, element: Element) -> MissionStep:
 
 
 def set_blackboard(tree: TreeContext, element: Element) -> MissionStep:
-    """Return a step that sets one variable."""
+    """Return a SetBlackboard node as a ``set`` step for the variable of its entry."""
     entry = entry_of(element.attributes.get("output_key", ""))
     value = element.attributes.get("value", "")
     if not entry:
@@ -69,7 +72,7 @@ def set_blackboard(tree: TreeContext, element: Element) -> MissionStep:
 
 
 def unset_blackboard(tree: TreeContext, element: Element) -> MissionStep:
-    """Return a step that sets one variable to null."""
+    """Return an UnsetBlackboard node as a step that sets the variable of its entry to null."""
     entry = entry_of(element.attributes.get("key", ""))
     if not entry:
         return MissionStep("succeed")
@@ -78,7 +81,10 @@ def unset_blackboard(tree: TreeContext, element: Element) -> MissionStep:
 
 
 def leaf(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
-    """Return a leaf of missions, by the table of leaves, or a stub."""
+    """Return a leaf of another program as the leaf of missions that replaces it, otherwise as a stub leaf.
+
+    ``kind`` is its name, such as "Grasp"; ``role`` is "Action" or "Condition", or empty if unknown.
+    """
     rule = tree.rules.get(kind)
     if rule is not None and rule.leaf and _has_required_arguments(tree, element, rule):
         return tree.add_name(_ruled_leaf(tree, element, kind, rule), element)
@@ -86,14 +92,17 @@ def leaf(tree: TreeContext, element: Element, kind: str, role: str) -> MissionSt
 
 
 def _has_required_arguments(tree: TreeContext, element: Element, rule: LeafRule) -> bool:
-    """Return whether the ports of a node give all required arguments of the leaf of a rule."""
+    """Return whether a node has a port for each required argument of the leaf that ``rule`` names."""
     given = {rule.ports[port].argument for port in element.attributes if port in rule.ports}
     required = (argument.name for argument in tree.leaves[rule.leaf].arguments.values() if argument.required)
     return given.issuperset(required)
 
 
 def _ruled_leaf(tree: TreeContext, element: Element, kind: str, rule: LeafRule) -> MissionStep:
-    """Return a leaf of missions for a leaf of the table."""
+    """Return a leaf of another program as the leaf of missions that ``rule`` names.
+
+    Ports that the rule does not name are reported as lost.
+    """
     arguments = dict[str, object]()
     step = MissionStep(rule.leaf)
     for port, value in element.attributes.items():
@@ -130,7 +139,10 @@ def _ruled_value(tree: TreeContext, step: MissionStep, value: str, port: str, ru
 
 
 def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
-    """Return the step of a stub leaf: its input ports are arguments, its outputs are stored."""
+    """Return the step of a stub leaf: its input ports are arguments, and its outputs are stored in variables.
+
+    ``kind`` is the name of the leaf in the XML file, ``role`` its role, such as "Condition", or empty if unknown.
+    """
     model = model_of(tree.project, kind, tree.rules)
     stub = tree.stubs.stub(kind, role or model.role or "Action")
     stub.uses += 1
@@ -165,7 +177,7 @@ def _argument(tree: TreeContext, step: MissionStep, value: str, port: str, model
 
 
 def _kind_of_value(tree: TreeContext, value: str, port: str, model: PortModel) -> str | None:
-    """Return the kind of a port's value; None if it is unknown or fits the port's type."""
+    """Return the kind of a port's value; None if unknown, or if the port's type is text, which fits any value."""
     if is_pointer(value):
         return tree.kinds.get(entry_of(value, port))
     return None if kind_of_port(model) == TEXT else kind_of_constant(value)

@@ -1,4 +1,4 @@
-"""Text of a mission file from a tree of steps, with comments."""
+"""Writer of mission files: their YAML text from a tree of steps, with comments."""
 
 import json
 import re
@@ -10,41 +10,42 @@ from config.yaml_nodes import plain_value
 from config.yaml_writer import yaml_word
 
 MAX_FLOW_LENGTH = 96
-"""Maximum characters of a line with a mapping in braces; a longer one gets a line for each key."""
+"""Maximum characters of a mapping on one line, in braces; a longer mapping gets a line for each key."""
 
 PLAIN_EXPRESSION = re.compile(r"[A-Za-z_(][^#:\n]*")
-"""Expressions that need no quotes in YAML."""
+"""Expressions that need no quotes in YAML, if they do not look like another value, such as a number."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verbatim:
-    """A value as it stands in the file: ``150 ms``, ``forever``."""
+    """A value that is written to the mission file as it is, without quotes, such as ``150 ms`` or ``forever``."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class Computed:
-    """An expression where a mission takes a value: ``"${rooms + 1}"``."""
+    """An expression in the place of a value, written as ``"${rooms + 1}"``."""
 
     text: str
 
 
 @dataclass(frozen=True, slots=True)
 class PlainExpression:
-    """An expression where a mission takes an expression: ``rooms == 6``."""
+    """An expression in the place where a mission needs one, as after ``if``, written as ``rooms == 6``."""
 
     text: str
 
 
 @dataclass(slots=True)
 class MissionStep:
-    """A node of a mission that is to be written.
+    """A node of the mission that is to be written; ``word`` is its composite or leaf.
 
-    ``value`` is that of its word: nothing, a plain value, a mapping of arguments, or its children. ``keys`` stand
-    beside it, in order: ``name``, ``as`` and modifiers, of which each wraps all before it. ``remarks`` are comments
-    behind the lines of keys. ``reads`` and ``sets`` are variables that the step itself reads and sets, ``key_reads``
-    those that its keys read. ``origin`` is the element from which the step was made.
+    - ``value`` is the value behind the word: None, a plain value, a mapping of arguments, or the children.
+    - ``keys`` stand beside the word, in this order: ``name``, ``as`` and modifiers, each of which wraps all before it.
+    - ``comments`` stand above the node; ``remarks`` are comments behind the lines of its keys.
+    - ``reads`` and ``sets`` are the variables that the node itself reads and sets; ``key_reads`` are those of its keys.
+    - ``origin`` is the XML element from which the node was made, None without one.
     """
 
     word: str
@@ -59,12 +60,12 @@ class MissionStep:
 
     @property
     def children(self) -> list["MissionStep"]:
-        """Steps below this one, those of ``finally`` and ``recover`` last."""
+        """Steps below this one: its branches, then the steps of its modifiers, such as ``finally`` and ``recover``."""
         return [*self.branches, *(value for value in self.keys.values() if isinstance(value, MissionStep))]
 
     @property
     def branches(self) -> list["MissionStep"]:
-        """Steps below this one, without those of modifiers."""
+        """Steps in the value of this one, without those of its modifiers."""
         return list(_steps_in(self.value))
 
     def walk(self) -> Iterator["MissionStep"]:
@@ -86,7 +87,10 @@ def _steps_in(value: object) -> Iterator[MissionStep]:
 
 
 def wrapped(step: MissionStep, key: str, value: object, remark: str = "", reads: tuple[str, ...] = ()) -> MissionStep:
-    """Return a step with one more modifier; a modifier that it has already needs a sequence around it."""
+    """Return ``step`` with one more modifier, ``key``; ``remark`` is a comment behind it, ``reads`` are its variables.
+
+    If the step has this modifier already, the result is a sequence around it, with the new modifier.
+    """
     if key in step.keys or (key in ("recover", "finally", "in_turn") and step.word == "mission"):
         step = MissionStep("sequence", [step], comments=step.comments)
         step.branches[0].comments = []
@@ -103,13 +107,16 @@ def mission_text(
     tree: MissionStep,
     *,
     summary: str = "",
-    header: Mapping[str, str] | None = None,
     params: Mapping[str, object] | None = None,
     param_remarks: Mapping[str, str] | None = None,
     comments: tuple[str, ...] = (),
     last_comments: tuple[str, ...] = (),
 ) -> str:
-    """Return the text of a mission file; ``header`` are keys with their values in YAML, instead of other arguments."""
+    """Return the text of a mission file, with the steps of ``tree``.
+
+    ``params`` has the default or declaration of each param, ``param_remarks`` comments behind them. ``comments`` stand
+    at the beginning of the file, ``last_comments`` at its end.
+    """
     lines = [*_comment_lines(comments, 0), f"mission: {yaml_word(name)}"]
     if summary:
         lines.append(f"summary: {json.dumps(summary, ensure_ascii=False)}")
@@ -120,11 +127,7 @@ def mission_text(
             f"  {yaml_word(each)}: {scalar_text(value)}{_remark(remarks.get(each, ''))}"
             for each, value in params.items()
         ]
-    behind = ("returns", "properties")
-    if header is not None:
-        lines = [*_comment_lines(comments, 0), *(f"{key}:{header[key]}" for key in header if key not in behind)]
     lines += ["", *_entry_lines("tree", tree, 0)]
-    lines += [f"{key}:{(header or {})[key]}" for key in behind if key in (header or {})]
     if last_comments:
         lines += ["", *_comment_lines(last_comments, 0)]
     return "\n".join(lines) + "\n"
@@ -140,7 +143,7 @@ def _comment_lines(comments: tuple[str, ...] | list[str], indent: int) -> list[s
 
 
 def _step_lines(step: MissionStep, indent: int) -> list[str]:
-    """Return the lines of a step as a mapping."""
+    """Return the lines of a step as a YAML mapping, with ``indent`` spaces before each."""
     lines = [*_comment_lines(step.comments, indent), *_entry_lines(yaml_word(step.word), step.value, indent)]
     for key in sorted(step.keys, key=lambda key: key not in ("name", "as", "with", "returns")):  # these wrap nothing
         lines += _entry_lines(key, step.keys[key], indent, step.remarks.get(key, ""))
@@ -148,7 +151,7 @@ def _step_lines(step: MissionStep, indent: int) -> list[str]:
 
 
 def _item_lines(step: MissionStep, indent: int) -> list[str]:
-    """Return the lines of a step as an item of a list; comments stand above its dash."""
+    """Return the lines of a step as an item of a YAML list; its comments stand above the dash."""
     comments, step.comments = step.comments, []
     lines = _step_lines(step, indent + 2)
     step.comments = comments
@@ -193,7 +196,7 @@ def _key_text(key: str) -> str:
 
 
 def scalar_text(value: object, *, flow: bool = False) -> str:
-    """Return a plain value as YAML; ``flow`` for a value within braces or brackets."""
+    """Return a value without steps as YAML; ``flow`` is for a value inside braces or brackets."""
     match value:
         case Verbatim(text):
             return text

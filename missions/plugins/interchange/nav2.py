@@ -1,4 +1,4 @@
-"""Control nodes and decorators of Nav2."""
+"""Translation of control nodes and decorators of Nav2."""
 
 from missions.plugins.interchange.blackboard import constant_value
 from missions.plugins.interchange.context import SkipAs, TreeContext, quantity, remark_of, set_step, word_of
@@ -9,11 +9,15 @@ from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.xml_reader import Element
 
 PACED = ("RateController", "DistanceController", "SpeedController", "GoalUpdatedController")
-"""Decorators that decide when a child of PipelineSequence runs again."""
+"""Decorators of Nav2 that decide when a child of a PipelineSequence runs again, such as once a second."""
 
 
 def pipeline(tree: TreeContext, element: Element, kind: str) -> MissionStep:
-    """Return a race of children, each of which starts once the one before it has succeeded, and then repeats."""
+    """Return a PipelineSequence node as a ``race`` of its children.
+
+    Each child starts when the one before it has succeeded, and all but the last are then repeated. The race ends with
+    the last child.
+    """
     if len(element.children) == 1:
         return tree.add_name(MissionStep("sequence", tree.children(element, "success")), element)
     flags = dict[str, object]()
@@ -36,11 +40,11 @@ def pipeline(tree: TreeContext, element: Element, kind: str) -> MissionStep:
 
 
 Pause = tuple[list[MissionStep], list[MissionStep]]
-"""Steps before each run of a paced node, and the wait before its next run."""
+"""Steps before each run of a child that is repeated, and the steps that wait until its next run."""
 
 
 def _paced(tree: TreeContext, element: Element, parent: str) -> tuple[MissionStep, Pause]:
-    """Return the child of a pipeline, with the steps before each run of it and the wait before the next run."""
+    """Return a child of a PipelineSequence without its pacing decorator, and the steps that replace the decorator."""
     kind, _ = normal_form(element, tree.project)
     if kind not in PACED or len(element.children) != 1:
         return tree.node(element, "success", parent), ([], [])
@@ -77,7 +81,10 @@ def _pause_of_distance(tree: TreeContext, element: Element, kind: str) -> Pause:
 
 
 def recovery(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return a node that is retried after its recovery."""
+    """Return a RecoveryNode as its first child with ``retry``, and the second child as its ``recover``.
+
+    None unless the node has two children.
+    """
     if len(element.children) != 2:
         return None
     tried, recovery = tree.children(element, "success")
@@ -99,13 +106,16 @@ def recovery(tree: TreeContext, element: Element, kind: str) -> MissionStep | No
 
 
 def non_blocking(tree: TreeContext, element: Element, kind: str) -> MissionStep:
-    """Return a parallel of the children."""
+    """Return a NonblockingSequence node as a ``parallel`` of its children."""
     tree.report.add(DIFFERS, element, "a child that has succeeded is not ticked again", kind)
     return tree.add_name(MissionStep("parallel", tree.children(element, "success")), element)
 
 
 def pace_alone(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs, parent: str) -> MissionStep:
-    """Return the child of a RateController outside a pipeline, which runs at once at each start there, too."""
+    """Return the child of a RateController or similar decorator that is not in a PipelineSequence.
+
+    The decorator is left out, because it runs its child at once after each start, as the mission does.
+    """
     child = tree.node(element.children[0], skip_as, kind)
     if parent.startswith("Reactive") or kind == "GoalUpdatedController":
         tree.report.add(DIFFERS, element, "its pauses are not carried over: the child runs at every start", kind)
@@ -114,7 +124,7 @@ def pace_alone(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs, 
 
 
 def single_trigger(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep:
-    """Return a node that runs once, and fails afterwards."""
+    """Return the child of a SingleTrigger node; it runs once, and later runs fail."""
     done = tree.names.fresh(f"{word_of(element.attributes.get('name') or 'trigger')}_done")
     tree.initial[done] = False
     first = MissionStep("check", PlainExpression(f"not {done}"), reads=(done,))

@@ -1,6 +1,6 @@
-"""Kinds of nodes of BehaviorTree.CPP, Nav2, MoveIt Pro and py_trees: words in missions, ports and differences.
+"""Tables of the kinds of nodes of BehaviorTree.CPP, Nav2, MoveIt Pro and py_trees, and the words that replace them.
 
-Import and export read these tables. Versions 3 and 4 differ in a few names and ports.
+Import and export read these tables. Versions 3 and 4 of BehaviorTree.CPP differ in a few names and ports.
 """
 
 from collections.abc import Mapping
@@ -12,11 +12,12 @@ Role = Literal["control", "decorator", "leaf", "subtree"]
 
 @dataclass(frozen=True, slots=True)
 class ForeignKind:
-    """A kind of node of another system.
+    """A kind of node of another program, such as BehaviorTree.CPP or Nav2, and how missions express it.
 
-    ``word`` is the composite, modifier or leaf of a mission with the same meaning, empty if it needs several.
-    ``keys`` stand beside that word. ``port`` holds the value of the word, in ``unit``; ``ports`` are all ports with
-    their defaults. ``difference`` says how the mission differs, empty if it does not.
+    ``word`` is the composite, modifier or leaf with the same meaning; if it is empty, several are needed. ``keys`` are
+    written beside the word. ``port`` is the port whose number, in ``unit``, becomes the value of the word. ``ports``
+    has the default of each port. ``difference`` is a remark for the report if the word's meaning differs, otherwise
+    empty.
     """
 
     role: Role
@@ -88,7 +89,7 @@ BTCPP_KINDS: Mapping[str, ForeignKind] = {
         for count in range(2, 7)
     },
 }
-"""Nodes that are built into BehaviorTree.CPP."""
+"""Kinds of nodes that are built into BehaviorTree.CPP, by name."""
 
 NAV2_KINDS: Mapping[str, ForeignKind] = {
     "PipelineSequence": _control("race"),
@@ -112,13 +113,13 @@ NAV2_KINDS: Mapping[str, ForeignKind] = {
     "GoalUpdater": _decorator(input_goal="", output_goal="", input_goals="", output_goals=""),
     "PathLongerOnApproach": _decorator(path="", prox_len="", length_factor=""),
 }
-"""Control nodes and decorators of Nav2."""
+"""Kinds of control nodes and decorators of Nav2, by name."""
 
 MOVEIT_PRO_KINDS: Mapping[str, ForeignKind] = {
     "ForEach": _decorator("for_each", "the index counts from 1", vector_in="", out="", index=""),
     "ForEachUntilSuccess": _decorator("for_each", "the index counts from 1", vector_in="", out="", index=""),
 }
-"""Decorators of MoveIt Pro."""
+"""Kinds of decorators of MoveIt Pro, by name."""
 
 PY_TREES_KINDS: Mapping[str, ForeignKind] = {
     "FailureIsSuccess": ForeignKind("decorator", "on_failure", {"on_failure": "succeed"}),
@@ -134,7 +135,7 @@ PY_TREES_KINDS: Mapping[str, ForeignKind] = {
     "PassThrough": _decorator(),
     "Count": _decorator(difference="its counts are not kept"),
 }
-"""Decorators of py_trees, beside those with a name of BehaviorTree.CPP."""
+"""Kinds of decorators of py_trees, by name, without those that have the same name in BehaviorTree.CPP."""
 
 KINDS: Mapping[str, ForeignKind] = {**BTCPP_KINDS, **NAV2_KINDS, **MOVEIT_PRO_KINDS, **PY_TREES_KINDS}
 
@@ -150,7 +151,7 @@ OLD_NAMES: Mapping[str, str] = {
     "Recovery": "RecoveryNode",
     "BlackboardCheck": "BlackboardCheckString",
 }
-"""Older names, each with the present one."""
+"""Present name of each kind of node that had another name in earlier versions, by the old name."""
 
 OLD_PORTS: Mapping[tuple[str, str], str] = {
     ("Parallel", "success_threshold"): "success_count",
@@ -160,26 +161,27 @@ OLD_PORTS: Mapping[tuple[str, str], str] = {
     ("Delay", "msec"): "delay_msec",
     ("Repeat", "num_success"): "num_cycles",
 }
-"""Older names of ports, each with the present one."""
+"""Present name of each port that had another name in earlier versions, by kind of node and old name."""
 
 CONDITION_ATTRIBUTES = ("_failureIf", "_successIf", "_skipIf", "_while")
-"""Scripts that are evaluated before a node starts, in this order; ``_while`` also while it runs."""
+"""Attributes of a node with scripts that are evaluated before it starts, in this order; ``_while`` also while it runs.
+"""
 
 END_ATTRIBUTES = ("_onHalted", "_onFailure", "_onSuccess", "_post")
-"""Scripts that are run after a node has ended, or was halted."""
+"""Attributes of a node with scripts that run after it was halted, has failed, has succeeded, or ended in any way."""
 
 EDITOR_ATTRIBUTES = ("_collapsed", "_favorite", "_fullpath", "_uid", "_hardcoded", "_subtreeOnly", "_autoremap")
-"""Attributes without a meaning for the tree, or with one that is read elsewhere."""
+"""Attributes of a node without a meaning for its translation, except ``_autoremap``, which the SubTree nodes read."""
 
 COMMON_ATTRIBUTES = frozenset(
     {"ID", "name", "_description", *CONDITION_ATTRIBUTES, *END_ATTRIBUTES, *EDITOR_ATTRIBUTES}
 )
-"""Attributes of all nodes, which are no ports."""
+"""Attributes that every kind of node can have, so that they are not ports."""
 
 WITHOUT_COUNTERPART = (
     *("SkipUnlessUpdated", "WaitValueUpdate", "PauseResumeController", "GoalUpdater", "PathLongerOnApproach"),
 )
-"""Nodes that become stubs, although their names are known."""
+"""Kinds of nodes that are translated to stub leaves, although their ports are known."""
 
 NAV2_OUTPUTS: Mapping[str, tuple[str, ...]] = {
     "ComputePathToPose": ("path", "error_code_id", "error_msg", "planning_time"),
@@ -219,7 +221,7 @@ NAV2_OUTPUTS: Mapping[str, tuple[str, ...]] = {
     "AppendGoalPoseToGoals": ("output_goals",),
     "ToggleCollisionMonitor": ("success",),
 }
-"""Output ports of leaves of Nav2, whose files rarely declare them."""
+"""Output ports of leaves of Nav2, by the name of the leaf; XML files of Nav2 rarely declare them."""
 
 CONDITIONS = (
     *("GoalUpdated", "GlobalUpdatedGoal", "GoalReached", "InitialPoseReceived", "IsBatteryCharging", "IsBatteryLow"),
@@ -228,28 +230,4 @@ CONDITIONS = (
     *("WouldAControllerRecoveryHelp", "WouldAPlannerRecoveryHelp", "WouldARouteRecoveryHelp"),
     *("WouldASmootherRecoveryHelp", "WasEntryUpdated"),
 )
-"""Leaves of Nav2 and BehaviorTree.CPP that answer at once."""
-
-MARK = "_mission"
-"""Attribute that names the word of a mission for which `mission show` wrote an element; the library ignores it.
-
-On a ``BehaviorTree`` it is the name of the mission. The attributes below hold data without a place in the library.
-"""
-
-GIVEN, DEFAULTS, CALCULATED, RETURNS, AS = "_given", "_defaults", "_calculated", "_returns", "_as"
-"""Attributes of a SubTree: its params, those with their defaults, those that are calculated, results, and ``as``."""
-
-SUMMARY, PARAMS, PROPERTIES, INTERRUPTED = "_summary", "_params", "_properties", "_if_interrupted"
-"""Attributes of a BehaviorTree: keys of the mission. ``RETURNS`` stands there too."""
-
-REASON = "_reason"
-"""Attribute of an AlwaysFailure: the reason of the failure."""
-
-CASES = "_cases"
-"""Attribute of a choice: the case of each child behind the condition, as a list in YAML; null for a filler."""
-
-UNSKIPPED, FILLER = "unskipped", "no case"
-"""Values of ``MARK`` for elements that are no step: one that turns a skip into a success, and a case without a node."""
-
-RESULT = "result"
-"""Port for the result of a leaf."""
+"""Leaves of Nav2 and BehaviorTree.CPP that are conditions: they end at their first tick."""

@@ -1,4 +1,4 @@
-"""Directions of ports: as declared, as the tables of Nav2 and of leaves know, or as their use in trees suggests."""
+"""Directions of the ports of leaves, input or output: declared, known from tables, or guessed from their use."""
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
@@ -26,23 +26,26 @@ from missions.plugins.interchange.scripts import ScriptError, parse_script
 from missions.plugins.interchange.xml_reader import walk_elements
 
 INPUT_NAMES = ("input", "in_", "target", "goal", "start")
-"""Beginnings of the names of ports that are inputs, whatever their use suggests."""
+"""Beginnings of port names that are always taken for inputs, even if the port seems to be an output by its use."""
 
 Mention = tuple[str, str, str]
-"""Use of an entry: kind of the node, port, and entry. Other nodes than leaves have an empty kind."""
+"""A use of a blackboard entry: the kind of node that uses it, the port, and the entry.
+
+The kind is empty for nodes other than leaves.
+"""
 
 
 def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) -> NodeModel:
-    """Return the declared model of a node, or one from the tables of Nav2 and of leaves."""
+    """Return the declaration of the node ``name``: from the XML files, from the tables of leaves, or guessed."""
     model = project.models.get(name) or NodeModel("Condition" if name in CONDITIONS else "")
     known = rules[name].outputs if name in rules else ()
     if not model.ports:
         known = (*known, *NAV2_OUTPUTS.get(name, ()), *sorted(project.guessed_outputs.get(name, ())))
-    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}}, model.word)
+    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}})
 
 
 def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, dict[str, PortModel]]:
-    """Return the output ports of each kind of node that some node stores in the blackboard."""
+    """Return the output ports that are connected to a blackboard entry in any tree, by the kind of their node."""
     found = defaultdict[str, dict[str, PortModel]](dict)
     for tree in project.trees():
         for element in walk_elements(tree.body) if tree.body is not None else ():
@@ -55,10 +58,10 @@ def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) ->
 
 
 def guess_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, set[str]]:
-    """Return the ports of undeclared leaves that seem to be outputs, by the ID of the leaf.
+    """Return the ports that seem to be outputs, by the ID of their leaf, for leaves without a declaration.
 
-    Such a leaf is the first node of its tree that names the entry, another port names it later, and no script sets it
-    and no other tree gives it.
+    A port seems to be an output if its leaf is the first node of the tree that names a blackboard entry, another port
+    names the entry later, no script of the tree sets it, and no other tree passes it in.
     """
     given = _entries_given_by_others(project)
     outputs, inputs = set[tuple[str, str]](), set[tuple[str, str]]()
@@ -87,7 +90,7 @@ def _is_undeclared(project: ForeignProject, kind: str, rules: Mapping[str, LeafR
 
 
 def _mentions(project: ForeignProject, tree: SourceTree) -> Iterator[Mention]:
-    """Yield all uses of entries in a tree, in the order of its nodes."""
+    """Yield all uses of blackboard entries in the ports and scripts of a tree, in the order of its nodes."""
     for element in walk_elements(tree.body) if tree.body is not None else ():
         kind, _ = normal_form(element, project)
         is_leaf = kind not in KINDS and not element.children
@@ -106,7 +109,7 @@ def _script_entries(code: str) -> tuple[str, ...]:
 
 
 def _set_entries(project: ForeignProject, tree: SourceTree) -> set[str]:
-    """Return the entries that scripts and SetBlackboard nodes of a tree set."""
+    """Return the blackboard entries that the scripts and SetBlackboard nodes of a tree set."""
     found = set[str]()
     for element in walk_elements(tree.body) if tree.body is not None else ():
         kind, _ = normal_form(element, project)
@@ -122,7 +125,7 @@ def _set_entries(project: ForeignProject, tree: SourceTree) -> set[str]:
 
 
 def _entries_given_by_others(project: ForeignProject) -> dict[int, set[str]]:
-    """Return the entries of each tree that other trees give it."""
+    """Return the blackboard entries that SubTree nodes of other trees pass to a tree, by the tree's Python ``id``."""
     found = defaultdict[int, set[str]](set)
     for tree in project.trees():
         for element in walk_elements(tree.body) if tree.body is not None else ():

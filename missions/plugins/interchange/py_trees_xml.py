@@ -1,4 +1,4 @@
-"""XML of py_trees 2.6: its composites and decorators, in the names and ports of BehaviorTree.CPP."""
+"""Reader of the XML of py_trees 2.6: changes its nodes to the names and ports that BehaviorTree.CPP gives them."""
 
 from missions.plugins.interchange.node_kinds import PY_TREES_KINDS
 from missions.plugins.interchange.xml_reader import Element, walk_elements
@@ -7,7 +7,10 @@ BTCPP_FORMAT = "BTCPP_format"
 
 
 def is_py_trees(root: Element) -> bool:
-    """Return whether a file is one of py_trees: its own attributes, decorators or imports show it."""
+    """Return whether an XML file was written for py_trees, and not for BehaviorTree.CPP.
+
+    Decorators, includes or attributes that only py_trees has show it.
+    """
     if BTCPP_FORMAT in root.attributes:
         return False
     names = {name.lower() for name in PY_TREES_KINDS}
@@ -22,7 +25,11 @@ def is_py_trees(root: Element) -> bool:
 
 
 def adapt_py_trees(root: Element) -> None:
-    """Rename nodes and ports: a reactive composite has ``memory`` false there, a parallel has a ``policy``."""
+    """Change the elements below ``root`` from py_trees to BehaviorTree.CPP, in place.
+
+    In py_trees, a reactive composite has the attribute ``memory="false"``, a Parallel has a ``policy``, and a Timeout
+    has a ``duration`` in seconds.
+    """
     root.attributes[BTCPP_FORMAT] = "4"
     for element in walk_elements(root):
         tag, attributes = element.tag.lower(), element.attributes

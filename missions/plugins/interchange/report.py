@@ -1,4 +1,4 @@
-"""Report of an import: everything that is not as in the original, with its place."""
+"""Report of an import: every difference between the original trees and their missions, with its place in the XML."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -21,7 +21,7 @@ EXPLANATIONS = {
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """One line of the report."""
+    """One line of the report: its kind, the place in the XML file, the node that it is about, and a text."""
 
     kind: str
     place: str
@@ -34,18 +34,24 @@ class Remark:
 
 @dataclass(slots=True)
 class ImportReport:
-    """Remarks of an import, each once, and counts of nodes for statistics."""
+    """Remarks about an import, each only once.
+
+    ``carried`` and ``stubbed`` count the nodes of each kind that were translated, or replaced by a stub leaf.
+    """
 
     remarks: dict[Remark, None] = field(default_factory=dict)
     carried: Counter[str] = field(default_factory=Counter)
     stubbed: Counter[str] = field(default_factory=Counter)
 
     def add(self, kind: str, element: Element, text: str, subject: str = "") -> None:
-        """Add a remark at the place of an element."""
+        """Add a remark of a kind, such as ``LOST``, at the file and line of an element.
+
+        ``subject`` is the kind of node that it is about; by default the element's tag.
+        """
         self.remarks[Remark(kind, f"{element.source.name}:{element.line}", subject or element.tag, text)] = None
 
     def lines(self) -> Iterator[str]:
-        """Yield the report as text, by kinds of remarks."""
+        """Yield the lines of the report as text for the terminal, grouped by the kind of remark."""
         for kind in KINDS_IN_ORDER:
             found = [remark for remark in self.remarks if remark.kind == kind]
             if found:
@@ -53,7 +59,7 @@ class ImportReport:
                 yield from (f"  {remark}" for remark in found)
 
     def markdown(self, title: str) -> str:
-        """Return the report as a page."""
+        """Return the report as a Markdown page with this title."""
         lines = [f"# {title}", ""]
         for kind in KINDS_IN_ORDER:
             found = [remark for remark in self.remarks if remark.kind == kind]

@@ -1,6 +1,7 @@
-"""Scripts of BehaviorTree.CPP, such as ``x := 1; y = x > 0 ? 'a' : 'b'``, as expressions of missions.
+"""Translation of scripts of BehaviorTree.CPP, such as ``x := 1; y = x > 0 ? 'a' : 'b'``, to expressions of missions.
 
-Their booleans are the numbers 0 and 1, and ``&&`` binds as tightly as ``||``: both read from the left.
+In such scripts, true and false are the numbers 1 and 0. ``&&`` and ``||`` have the same precedence: a chain of both is
+evaluated from left to right.
 """
 
 import re
@@ -8,11 +9,11 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 MAX_NUMBER = 1e15
-"""Maximum number of a script, as of an expression."""
+"""Maximum absolute value of a number in a script, which is also the maximum in expressions of missions."""
 
 MAX_SCRIPT_LENGTH = 5_000
 MAX_SCRIPT_DEPTH = 40
-"""Maximum nesting of parentheses, signs and choices."""
+"""Maximum nesting of parentheses, signs and ``?:`` in a script."""
 
 NUMBER, FLAG, TEXT = "number", "flag", "text"
 """Kinds of values; None is the kind of an unknown value."""
@@ -35,15 +36,18 @@ WITHOUT_EQUIVALENT = {
 
 
 class ScriptError(ValueError):
-    """A script that cannot be read, or that missions cannot express."""
+    """Raised for a script that has a syntax error, or that missions cannot express."""
 
 
 @dataclass(frozen=True, slots=True)
 class Formula:
-    """An expression of a mission: text, kind of its value, entries that it reads, and how tightly it binds.
+    """A part of a script as an expression of a mission: ``text`` is the expression, ``kind`` the kind of its value.
 
-    ``constant`` is its value if it is a number, a flag or a text alone. ``parts`` are those of a joined text.
-    ``opposite`` is the negation of a comparison. With ``is_template``, the parts are one text: ``${a}, ${b}``.
+    - ``reads`` are the blackboard entries that it reads.
+    - ``binding`` is the precedence of its operator: a higher one binds more tightly.
+    - ``constant`` is its value if it is only a number, a flag or a text, else None.
+    - ``parts`` are the joined texts if it joins several.
+    - ``opposite`` is the negated expression if it is a comparison, else empty.
     """
 
     text: str
@@ -52,22 +56,21 @@ class Formula:
     binding: int = 9
     constant: float | bool | str | None = None
     parts: tuple["Formula", ...] = ()
-    is_template: bool = False
     opposite: str = ""
 
     @property
     def is_condition(self) -> bool:
-        """True if the value is true or false, and no number."""
+        """True if the value of the expression is surely true or false."""
         return self.kind == FLAG
 
     def within(self, binding: int) -> str:
-        """Return the text as an operand, in parentheses if it binds less tightly."""
+        """Return the expression as an operand, in parentheses if it binds less tightly than ``binding``."""
         return self.text if self.binding >= binding else f"({self.text})"
 
 
 @dataclass(frozen=True, slots=True)
 class Assignment:
-    """One assignment of a script: the entry, and its new value."""
+    """One assignment of a script: a blackboard entry, and its new value as an expression."""
 
     entry: str
     formula: Formula
@@ -75,14 +78,14 @@ class Assignment:
 
 @dataclass(slots=True)
 class Script:
-    """A script: assignments in order, and the value of its last statement if that is a condition."""
+    """A parsed script: its assignments in order, and its last statement if that is an expression, no assignment."""
 
     assignments: list[Assignment] = field(default_factory=list)
     condition: Formula | None = None
 
     @property
     def reads(self) -> tuple[str, ...]:
-        """Entries that the script reads before it sets them."""
+        """Blackboard entries whose value before the script matters: the script reads them before it sets them."""
         found, known = dict[str, None](), set[str]()
         for each in self.assignments:
             found |= dict.fromkeys(name for name in each.formula.reads if name not in known)
@@ -93,23 +96,26 @@ class Script:
 
 
 Rename = Callable[[str], str]
-"""Function that returns the name of a variable for the name of an entry."""
+"""Function that returns the name of the mission's variable for a blackboard entry."""
 
 LOGIC, COMPARISON, SUM, PRODUCT, SIGN, ATOM = 2, 4, 5, 6, 7, 9
 
 
 def keep_name(name: str) -> str:
-    """Return the name itself."""
+    """Return ``name`` unchanged: a ``Rename`` for scripts whose expressions are not written to a mission."""
     return name
 
 
 def parse_script(text: str, rename: Rename = keep_name, kinds: Mapping[str, str | None] | None = None) -> Script:
-    """Parse a script; ``kinds`` are the known kinds of entries. Raises ScriptError."""
+    """Parse a script of BehaviorTree.CPP; ``rename`` returns the variable for each blackboard entry.
+
+    ``kinds`` are the known kinds of the entries' values. Raises ScriptError.
+    """
     return _Parser(text, rename, kinds or {}).script()
 
 
 class _Parser:
-    """Recursive descent over the tokens of one script."""
+    """Recursive-descent parser of one script; it makes expressions of missions from the tokens."""
 
     def __init__(self, text: str, rename: Rename, kinds: Mapping[str, str | None]) -> None:
         if len(text) > MAX_SCRIPT_LENGTH:
@@ -282,12 +288,12 @@ def _tokens(text: str) -> Iterator[tuple[str, str]]:
 
 
 def number_text(value: float) -> str:
-    """Return a number as in an expression: 6, 0.25."""
+    """Return a number as it is written in an expression: "6", "0.25"."""
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
 
 
 def text_formula(text: str) -> Formula:
-    """Return a text as an expression."""
+    """Return a text as a constant expression, in quotes."""
     escaped = text.replace("\\", "\\\\").replace("\n", " ").replace("\r", " ")
     quote = '"' if "'" in escaped else "'"
     return Formula(f"{quote}{escaped.replace(quote, chr(92) + quote)}{quote}", TEXT, constant=text)
@@ -296,22 +302,26 @@ def text_formula(text: str) -> Formula:
 def _combine(sign: str, left: Formula, right: Formula) -> Formula:
     reads = (*left.reads, *right.reads)
     if sign == ".." or (sign == "+" and TEXT in (left.kind, right.kind)):
-        return _join(left, right, reads, is_template=sign == "..")
+        return _join(left, right, reads)
     binding = SUM if sign in "+-" else PRODUCT
     text = f"{left.within(binding)} {sign} {right.within(binding + 1)}"
     return Formula(text, NUMBER if sign != "+" or NUMBER in (left.kind, right.kind) else None, reads, binding)
 
 
-def _join(left: Formula, right: Formula, reads: tuple[str, ...], *, is_template: bool) -> Formula:
-    """Return two joined texts; a number in them can only stand in a text of its own, ``"${a}${b}"``."""
+def _join(left: Formula, right: Formula, reads: tuple[str, ...]) -> Formula:
+    """Return an expression that joins two texts; ``reads`` are the blackboard entries that both read.
+
+    It keeps its parts, because an expression cannot join a number to a text; ``"${a}${b}"`` can.
+    """
     parts = (*(left.parts or (left,)), *(right.parts or (right,)))
-    is_template = is_template or any(part.kind != TEXT for part in parts)
-    text = f"{left.within(SUM)} + {right.within(PRODUCT)}"
-    return Formula(text, TEXT, reads, SUM, parts=parts, is_template=is_template)
+    return Formula(f"{left.within(SUM)} + {right.within(PRODUCT)}", TEXT, reads, SUM, parts=parts)
 
 
 def _of_one_kind(one: Formula, other: Formula) -> tuple[Formula, Formula]:
-    """Return two compared values; a number beside a flag, or beside a text, is written as such."""
+    """Return two values that a script compares or chooses from, written with the same kind of value if possible.
+
+    A constant number beside a flag becomes a flag; beside a text it becomes a text.
+    """
     return _as_kind(one, other.kind), _as_kind(other, one.kind)
 
 
@@ -335,33 +345,27 @@ def _is_number(text: str) -> bool:
 
 
 def _simple_flag_test(left: Formula, parts: list[str]) -> Formula | None:
-    """Return ``x`` for ``x == true``, and ``not x`` for ``x == false``, if x is true or false."""
+    """Return a shorter form of a comparison of the flag ``left`` with a constant: ``x`` for ``x == true``.
+
+    ``x == false`` becomes ``not x``. ``parts`` are the texts of left side, operator and right side. None for other
+    comparisons.
+    """
     if left.kind != FLAG or parts[2] not in ("true", "false") or parts[1] not in ("==", "!="):
         return None
     return left if (parts[1] == "==") == (parts[2] == "true") else negate(left)
 
 
 def negate(formula: Formula) -> Formula:
-    """Return the negation of a condition."""
+    """Return the negated condition, as ``x >= 1`` for ``x < 1``."""
     if formula.opposite:
         return Formula(formula.opposite, FLAG, formula.reads, COMPARISON, opposite=formula.text)
     if formula.text.startswith("not ") and formula.binding == LOGIC + 1:
-        return _without_parentheses(Formula(formula.text.removeprefix("not "), FLAG, formula.reads, LOGIC))
+        return Formula(formula.text.removeprefix("not "), FLAG, formula.reads, LOGIC)
     return Formula(f"not {formula.within(SIGN)}", FLAG, formula.reads, LOGIC + 1)
 
 
-def _without_parentheses(formula: Formula) -> Formula:
-    """Return a condition without parentheses around all of it."""
-    text, depth = formula.text, 0
-    for place, letter in enumerate(text):
-        depth += (letter == "(") - (letter == ")")
-        if letter in "'\"" or (depth == 0 and place < len(text) - 1):
-            return formula
-    return Formula(text[1:-1], FLAG, formula.reads, 1)
-
-
 def as_condition(formula: Formula) -> Formula:
-    """Return an expression that is true or false, also for a number."""
+    """Return an expression that is true or false; a number is true unless it is 0."""
     if formula.is_condition:
         return formula
     return Formula(f"not not {formula.within(SIGN)}", FLAG, formula.reads, LOGIC + 1)

@@ -1,6 +1,6 @@
-"""Stub leaves: a class for each leaf that missions do not have, with its ports as arguments.
+"""Stub leaves: for each leaf of an imported tree that missions lack, a Python class whose arguments are its ports.
 
-A stub can be checked, shown and mocked. It refuses to run until its author writes its ``update``.
+A mission with stubs can be checked, shown and mocked. A stub refuses to run until its author writes ``update``.
 """
 
 import json
@@ -18,7 +18,7 @@ from missions.plugins.interchange.foreign_trees import PortModel
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
 
 BESIDE_WORDS = frozenset({*NODES, *COUNTS, "name", "as", "with", "returns", "weights"})
-"""Words of missions that no leaf can have as its tag."""
+"""Words of the mission language, which a stub leaf cannot have as its tag."""
 
 MAX_TAG_LENGTH = 80
 NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
@@ -27,21 +27,24 @@ TEXT_TYPES = ("std::string", "string", "str", "const char*", "std::string_view")
 
 
 def kind_of_port(port: PortModel) -> str | None:
-    """Return the kind of a port's values by its C++ type; None if the type is unknown."""
+    """Return the kind of a port's values from its C++ type: number, flag or text; None for other types."""
     name = port.type.strip().removeprefix("const ")
     return NUMBER if name in NUMBER_TYPES else FLAG if name == "bool" else TEXT if name in TEXT_TYPES else None
 
 
 @dataclass(slots=True)
 class StubArgument:
-    """An argument of a stub, with the kinds of the values that nodes give it; None stands for an unknown kind."""
+    """An argument of a stub leaf, made from an input port.
+
+    ``kinds`` are the kinds of the values that nodes of the imported trees pass to it, None for an unknown kind.
+    """
 
     port: PortModel
     kinds: list[str | None] = field(default_factory=list)
 
     @property
     def kind(self) -> str | None:
-        """Kind of its values: that of the port's type, or that of all values; None if it is unknown."""
+        """Kind of the argument's values: that of the port's C++ type, or that of all values; None if unknown."""
         declared, used = kind_of_port(self.port), set(self.kinds)
         if declared == TEXT or not used:
             return declared
@@ -52,7 +55,10 @@ class StubArgument:
 
 @dataclass(slots=True)
 class StubLeaf:
-    """A stub for one leaf: its tag, arguments and outputs, in the order in which they were found."""
+    """A stub for one leaf of the imported trees: ``id`` is its name there, ``tag`` its name in missions.
+
+    ``arguments`` and ``outputs`` are by port, in the order in which they were found; ``uses`` counts its nodes.
+    """
 
     id: str
     tag: str
@@ -62,38 +68,41 @@ class StubLeaf:
     uses: int = 0
 
     def note_argument(self, name: str, port: PortModel, kind: str | None) -> None:
-        """Note that a node gives an argument, with a value of this kind (None if unknown)."""
+        """Note that a node passes a value of this ``kind`` to the argument ``name``; None for an unknown kind."""
         self.arguments.setdefault(name, StubArgument(port)).kinds.append(kind)
 
     @property
     def is_instant(self) -> bool:
-        """True if the leaf ends at once."""
+        """True if the leaf is a condition, which ends at its first tick."""
         return self.role == "Condition"
 
     @property
     def class_name(self) -> str:
-        """Name of its Python class."""
+        """Name of the leaf's Python class, made from its ID."""
         words = re.sub(r"\W", "_", self.id)[:MAX_TAG_LENGTH]
         name = "".join(part[:1].upper() + part[1:] for part in words.split("_") if part) or "Stub"
         return f"Stub{name}" if name[0].isdigit() or keyword.iskeyword(name) or name in PYTHON_NAMES else name
 
 
 PYTHON_NAMES = ("Leaf", "Any", "Status", "Mapping")
-"""Names that the file of stubs imports."""
+"""Names that the file with the stub classes imports, so that no class can have them."""
 
 
 class StubTable:
-    """Stubs of an import, by the ID of their nodes; ``outputs`` are the ports that each kind of node stores."""
+    """Stub leaves of an import, by the ID of the leaf in the XML files.
+
+    ``leaf_tags`` are the tags that other leaves have. ``outputs`` are the output ports of each leaf that its nodes use.
+    """
 
     def __init__(self, leaf_tags: Collection[str], outputs: Mapping[str, Mapping[str, PortModel]]) -> None:
         self._outputs = outputs
         self._taken = {*leaf_tags, *BESIDE_WORDS}
         self.stubs: dict[str, StubLeaf] = {}
 
-    def stub(self, id: str, role: str, word: str = "") -> StubLeaf:  # noqa: A002 - the name in the file
-        """Return the stub of a node, which is made at its first use; its tag is ``word``, or made from its ID."""
+    def stub(self, id: str, role: str) -> StubLeaf:  # noqa: A002 - the name in the file
+        """Return the stub of the leaf with this ID and role, such as "Condition"; the first call creates it."""
         if id not in self.stubs:
-            found = StubLeaf(id, self._tag(word or id, role), role)
+            found = StubLeaf(id, self._tag(id, role), role)
             found.outputs |= self._outputs.get(id, {})
             self.stubs[id] = found
         return self.stubs[id]
@@ -108,7 +117,10 @@ class StubTable:
 
 
 def stub_file_text(title: str, stubs: Iterable[StubLeaf], file: str) -> str:
-    """Return the Python file with the classes of all stubs; ``file`` is its name, for the reasons of failures."""
+    """Return the text of a Python file with the classes of all stubs.
+
+    ``title`` names the import. ``file`` is the path of the Python file, for the reason with which a stub fails.
+    """
     classes, names = list[str](), set[str]()
     for stub in stubs:
         name, number = stub.class_name, 2
@@ -177,7 +189,7 @@ def _argument_line(name: str, argument: StubArgument, stub: StubLeaf) -> str:
 
 
 LEAF_ATTRIBUTES = ("name", "parent", "children", "status", "logger", "run", "robot", "scope", "reason", "key", "label")
-"""Attributes that every leaf has."""
+"""Attributes that every leaf object has, so that an argument needs another name in Python."""
 
 
 def _python_default(argument: StubArgument) -> str:
@@ -197,6 +209,6 @@ def _python_text(text: str) -> str:
 
 
 def _one_line(text: str) -> str:
-    """Return a text for a docstring: one line, without quotes and backslashes."""
+    """Return a text as one line of at most 100 characters without quotes and backslashes, for a docstring."""
     plain = " ".join(text.split()).replace("\\", "/").replace('"', "'")
     return textwrap.shorten(plain, 100, placeholder="...") if plain else ""

@@ -1,4 +1,4 @@
-"""Trees of BehaviorTree.CPP, Nav2 and MoveIt Pro as steps of missions: the dispatcher over the kinds of nodes."""
+"""Translation of trees of other programs to steps of missions: selects the function for each kind of node."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,6 @@ from missions.plugins.interchange.node_kinds import (
     WITHOUT_COUNTERPART,
     ForeignKind,
 )
-from missions.plugins.interchange.own_nodes import translate_call, translate_own
 from missions.plugins.interchange.report import DIFFERS, LOST, RENAMED, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable
 from missions.plugins.interchange.xml_reader import Element
@@ -27,9 +26,10 @@ from missions.plugins.interchange.xml_reader import Element
 
 @dataclass(slots=True)
 class TranslatedTree:
-    """Steps of one tree, with its calls of other trees and the initial values of additional variables.
+    """A tree as steps of a mission: ``root`` is the first step, ``calls`` the ``mission`` steps of SubTree nodes.
 
-    ``entries`` are the entries of the blackboard by the names of their variables.
+    ``names`` are the names of its variables; ``entries`` has the blackboard entry of each variable. ``initial`` has the
+    initial values of variables that the translation has added.
     """
 
     tree: SourceTree
@@ -49,7 +49,10 @@ def translate_tree(
     leaves_by_tag: Mapping[str, type[Leaf]],
     report: ImportReport,
 ) -> TranslatedTree:
-    """Return the steps of a tree; stubs, the report and the kinds of entries are shared by all trees."""
+    """Return a tree as steps of a mission. All trees of an import share ``kinds``, ``stubs`` and ``report``.
+
+    ``rules`` say which leaves of missions replace leaves of the tree; ``leaves_by_tag`` are the leaves of missions.
+    """
     context = TreeContext(project, tree, kinds, rules, stubs, leaves_by_tag, report, _translate_node)
     root = MissionStep("succeed") if tree.body is None else context.node(tree.body, "success", "")
     for entry, name in context.names.renamed.items():
@@ -59,11 +62,9 @@ def translate_tree(
 
 def _translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
     kind, role = normal_form(element, tree.project)
-    step = translate_own(tree, element, skip_as)
-    if step is None:
-        step = _by_kind(tree, element, kind, role, skip_as, parent)
-        _note_dropped(tree, element, kind)
+    step = _by_kind(tree, element, kind, role, skip_as, parent)
     step.comments = [*element.comments, *description_of(element), *step.comments, *element.last_comments]
+    _note_dropped(tree, element, kind)
     step.origin = element
     return with_conditions(tree, element, step, skip_as)
 
@@ -115,7 +116,7 @@ def _known_parent(
 
 
 def _unknown_parent(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
-    """Return a stub in front of the children of an unknown control node or decorator."""
+    """Return a sequence for a control node or decorator without a counterpart: a stub leaf, then its children."""
     tree.report.stubbed[kind] += 1
     stub = leaves.stub_step(tree, element, kind, role)
     children = tree.children(element, "success")
@@ -128,7 +129,10 @@ def _unknown_parent(tree: TreeContext, element: Element, kind: str, role: str) -
 
 
 def _note_dropped(tree: TreeContext, element: Element, kind: str) -> None:
-    """Report attributes without a meaning here; ports of leaves and subtrees are noted where they are read."""
+    """Report the attributes of a node that have no meaning in a mission.
+
+    Ports of leaves and SubTree nodes are reported where they are read.
+    """
     known = KINDS.get(kind)
     for name in element.attributes:
         if name in COMMON_ATTRIBUTES or (kind == "SubTree" and name.startswith("_")):
@@ -182,9 +186,6 @@ def _subtree(tree: TreeContext, element: Element) -> MissionStep:
             constants[port] = constant_value(value)
     if inner is None or inner.body is None:
         return _missing_subtree(tree, element, name or "SubTree")
-    if (own := translate_call(tree, element, inner, name)) is not None:
-        tree.calls.append((own, SubtreeCall(inner, element, entries, constants, shares)))
-        return own
     step = tree.add_name(MissionStep("mission", name), element)
     tree.calls.append((step, SubtreeCall(inner, element, entries, constants, shares)))
     return step

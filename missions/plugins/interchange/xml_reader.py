@@ -14,20 +14,20 @@ from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
 from config.file_io import read_regular
 
 MAX_BYTES = 4_000_000
-"""Maximum size of a file."""
+"""Maximum size of an XML file in bytes."""
 
 MAX_DEPTH = 100
-"""Maximum depth of elements: the depth of a mission."""
+"""Maximum depth of nested XML elements, equal to that of steps in a mission."""
 
 MAX_ELEMENTS = 20_000
 MAX_ATTRIBUTES = 200
-"""Maximum attributes of one element."""
+"""Maximum number of attributes of one XML element."""
 
 MAX_NAME_LENGTH = 200
-"""Maximum characters of a tag, or of the name of an attribute."""
+"""Maximum characters of the name of an XML element or attribute."""
 
 MAX_VALUE_LENGTH = 20_000
-"""Maximum characters of an attribute, a text or a comment."""
+"""Maximum characters of the value of an attribute, of a text between elements, or of a comment."""
 
 ENCODINGS = ("utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "utf-16")
 DECLARED_ENCODING = re.compile(rb"""\A[^>]{0,200}?<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
@@ -36,9 +36,10 @@ CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff
 
 @dataclass(slots=True)
 class Element:
-    """An element of an XML file.
+    """An element of an XML file, with its position in the file.
 
-    ``comments`` stand directly before it, ``last_comments`` behind its last child, and ``text`` is its own text.
+    ``comments`` are the XML comments directly before it, ``last_comments`` those behind its last child. ``text`` is the
+    text in it, without that of its children.
     """
 
     tag: str
@@ -52,7 +53,7 @@ class Element:
     text: str = ""
 
     def fault(self, message: str, hint: str = "") -> InvalidFileError:
-        """Return an error at this element."""
+        """Return an InvalidFileError whose position is this element."""
         return InvalidFileError([Diagnostic(self.source, Mark(self.line, self.column), message, hint)])
 
 
@@ -75,9 +76,9 @@ def read_xml(path: Path, name: str | None = None) -> Element:
 
 
 def parse_xml(data: bytes, name: str) -> Element:
-    """Return the root element of a document.
+    """Return the root element of the XML text ``data``; ``name`` is the file's name for errors.
 
-    Raises InvalidFileError for text that is not well-formed, too large or too deep, and for a document type.
+    Raises InvalidFileError for text that is not well-formed, too large or nested too deeply, and for a document type.
     """
     found = DECLARED_ENCODING.match(data)
     encoding = found[1].decode().lower() if found else "utf-8"
@@ -88,7 +89,7 @@ def parse_xml(data: bytes, name: str) -> Element:
 
 
 class _Builder:
-    """Builds the elements from the events of expat; each limit is checked before anything is stored."""
+    """Builds the elements from the events of the XML parser expat; checks each limit before it stores a text."""
 
     def __init__(self, source: SourceText) -> None:
         self._source = source
@@ -170,5 +171,5 @@ class _Builder:
 
 
 def clean_text(text: str) -> str:
-    """Return a text without control characters, which no file of missions may contain."""
+    """Return a text without control characters, which mission files cannot contain."""
     return CONTROL_CHARACTERS.sub(" ", text)

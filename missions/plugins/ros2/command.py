@@ -235,7 +235,10 @@ def serve(robot: str, router: str | None, domain: int | None, simulate: str | No
 def run_arguments(
     robot: str, router: str | None, domain: int | None, simulate: str | None, world: str | None
 ) -> list[str]:
-    """Return the arguments of `mission run` for runs that ROS 2 nodes start, which are also published on ROS 2."""
+    """Return the arguments with which the server starts `mission run` when a ROS 2 node requests a mission.
+
+    They include ``--ros2``, so that the run is published on ROS 2, too.
+    """
     chosen = [("--robot", robot), ("--simulate", simulate), ("--world", world), ("--ros2-router", router)]
     chosen.append(("--ros2-domain", None if domain is None else str(domain)))
     return [word for option, value in chosen if value is not None for word in (option, value)] + ["--ros2"]

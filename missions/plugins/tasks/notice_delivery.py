@@ -30,10 +30,10 @@ MAX_NOTICE_AGE, MIN_TRIES = 7 * 24 * 3600.0, 20
 
 @dataclass(slots=True)
 class _ChannelState:
-    """Delivery state of a channel: ``failures`` in a row, and ``retry_at``, the time of the next try.
+    """Delivery state of a channel: the number of ``failures`` in a row, and ``retry_at``, the time of the next try.
 
-    ``postponed`` maps the ID of a notice to the time until which later notices are tried instead; ``is_probing`` is
-    True while one of these is tried.
+    A notice that fails often is postponed, so that later notices of its channel are tried. ``postponed`` maps the ID of
+    such a notice to the time until which it waits. ``is_probing`` is True while a later notice is tried instead.
     """
 
     failures: int = 0

@@ -282,7 +282,10 @@ def read_absinfo(descriptor: int, axis: int) -> bytes:
 
 
 def make_pad(node: str, clock: Clock) -> Pad:
-    """Return the pad at a node; the first one for ``FIRST_PAD``. Raises NotConnected as ``find_pad``."""
+    """Return the game pad at the device file ``node``; for ``FIRST_PAD``, the first pad that is plugged in.
+
+    Raises NotConnected for ``FIRST_PAD`` if no pad is plugged in.
+    """
     return Pad(find_pad() if node == FIRST_PAD else node, clock)
 
 

@@ -43,7 +43,10 @@ def _report_unknown_target(fields: Fields, key: Scalar, setting: CaseSetting, mi
 
 
 class _MockReader:
-    """Reads the turns of one mock, which replaces ``steps``; without any, the types of results are not checked."""
+    """Reads the turns of one mock; ``steps`` are the steps of the mission that it replaces.
+
+    If there are none, the types of the mock's results are not checked.
+    """
 
     def __init__(self, fields: Fields, key: Scalar, steps: Sequence[Step]) -> None:
         self._fields = fields
@@ -170,7 +173,10 @@ def _has_output(step: Step) -> bool:
 
 
 def _output_kinds(steps: Sequence[Step]) -> list[Kind]:
-    """Return the different types of the outputs of mocked steps; missions count as one type, with all their results."""
+    """Return the different types of the outputs of mocked steps.
+
+    All missions among them count as one type: a record with all their results.
+    """
     found: list[Kind] = []
     returned: dict[str, Kind] = {}
     for step in steps:

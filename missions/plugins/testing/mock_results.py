@@ -29,17 +29,17 @@ INVALID_RESULT = object()
 """Placeholder for a result with an error that has been reported."""
 
 MADE_MEMBERS = frozenset({"stamp", "box"})
-"""Members of a percept that a test file cannot set: the time of its picture, and its place there."""
+"""Members of a percept that a test file cannot set: the time of the picture, and the box around the percept in it."""
 
 PERCEPT_MEMBERS: Named[str, object] = {"id": 1, "distance": 1.5, "box": Box(300.0, 220.0, 40.0, 40.0)}
-"""Members of a percept that a test file leaves out; all other numbers are 0, and texts empty."""
+"""Values of members of a percept that a test file omits; other omitted numbers are 0, omitted texts empty."""
 
 
 @dataclass(frozen=True, slots=True)
 class ResultReader:
     """Reads the result of a mock as plain values, in SI units; errors are added to ``fields``.
 
-    In a record that a mission returns, a value may be ``null``: a variable can hold nothing.
+    In the results of a mission, ``null`` is allowed too, because a variable of a mission can have no value.
     """
 
     fields: Fields

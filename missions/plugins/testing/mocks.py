@@ -31,10 +31,10 @@ EXAMPLE = "such as 'fails twice, then succeeds'"
 
 @dataclass(frozen=True, slots=True)
 class MockTurn:
-    """One turn of a mock, from a start on: it runs for ``seconds`` and ``ticks``, then returns ``end``.
+    """Result of a mock for one of its starts: it runs for ``seconds`` and ``ticks``, then returns ``end``.
 
     ``end`` is success or failure, or running if the mock never ends (then both times are infinite). ``times`` is the
-    number of consecutive starts with this turn.
+    number of consecutive starts to which this turn applies.
     """
 
     end: str
@@ -151,9 +151,9 @@ class Mock(Leaf):
     def set_script(
         self, turns: TurnSequence, output: Callable[[object], object], *, keeps_failed: bool = False
     ) -> None:
-        """Set the script, and the function that makes the output of a turn from its result.
+        """Set the turns of the mock, and ``output``, a function that makes the mock's output from the result in a turn.
 
-        It is called on success, and with ``keeps_failed`` also on failure.
+        The function is called when the mock succeeds; with ``keeps_failed``, also when it fails.
         """
         self._turns, self._output, self._keeps_failed = turns, output, keeps_failed
 

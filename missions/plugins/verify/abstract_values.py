@@ -26,7 +26,10 @@ PLAIN_TYPES = frozenset((bool, int, float, str))
 """Types whose values contain no other values. Checks of nested values test them first, for speed."""
 
 MAX_COUNT = 3
-"""Largest whole number, and length of a list, that are kept exactly, so that a mission has finitely many states."""
+"""Largest whole number, and greatest length of a list, that the exploration stores exactly.
+
+Larger ones become unknown, so that a mission has finitely many states.
+"""
 
 MIN_UNBOUNDED_ROUNDS = 2
 """Minimum number of repetitions explored for a loop that has more than MAX_COUNT repetitions.
@@ -35,7 +38,7 @@ Whether the loop ends after each further repetition is a choice.
 """
 
 MAX_TEXT_LENGTH = 20
-"""Maximum length of a text that is kept exactly, in characters."""
+"""Maximum length, in characters, of a text that the exploration stores exactly; a longer one becomes unknown."""
 
 
 class Unknown:
@@ -129,7 +132,7 @@ def require_report(oracle: Oracle, sensor: str) -> None:
 
 
 class UnknownReadError(Exception):
-    """An expression has come to a value that is not known."""
+    """Raised when the evaluation of an expression reads a variable whose value the exploration does not know."""
 
 
 class KnownScope(dict[str, object]):
@@ -161,9 +164,12 @@ def _describe_reading(name: str, value: object) -> str:
 class NondetValue(Value):
     """Value of an expression that is computed if all its variables are known, and otherwise a choice of ``options``.
 
-    If ``never_computed``, it is always a choice. ``abstraction`` is applied to a computed value. If ``only_checked``,
-    the value itself does not matter: only an unset variable (an error) and a silent sensor have an effect. If it is
-    evaluated at ``every_tick``, all evaluations in one tick have the same result: a ``while`` makes two when it starts.
+    - If ``never_computed``, it is always a choice.
+    - ``abstraction`` is applied to a computed value.
+    - If ``only_checked``, the value itself has no effect, but an unset variable raises an error, and a silent sensor
+      suspends the node.
+    - If it is evaluated at ``every_tick``, all evaluations in one tick have the same result: a ``while`` makes two when
+      it starts.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -231,16 +237,19 @@ class NondetValue(Value):
         return found
 
     def _possible_choices(self, scope: Mapping[str, object]) -> Sequence[tuple[object, bool]]:
-        """Return the choices, without a truth value that a condition with ``random`` cannot have."""
+        """Return the values that the exploration can choose from, each with False; and (None, True) if it can fail.
+
+        A truth value that a condition with ``random`` cannot have is left out.
+        """
         if not isinstance(self.template, Expression) or self.options != (True, False) or not self.template.draws:
             return self.choices
         possible = truth_values(self.template.tree, scope)
         return [(found, failed) for found, failed in self.choices if failed or found in possible] or self.choices
 
     def _check_readable(self, scope: Mapping[str, object]) -> None:
-        """Raise ExpressionError for a required variable that is not set, or SensorSilent for a silent sensor.
+        """Raise ExpressionError if a variable that the expression needs is not set, SensorSilent if a sensor is silent.
 
-        If both could be first, or a silent sensor might not be read, that is a choice.
+        If both are the case, the exploration chooses which is met first.
         """
         unset = "" if self.never_computed else next((name for name in self.needed if name not in scope), "")
         silent = next((sensor for sensor in self.sensors if self._is_silent(sensor)), "")
@@ -250,7 +259,10 @@ class NondetValue(Value):
             raise ExpressionError(f"'{unset}' is not set")
 
     def _is_silent(self, sensor: str) -> bool:
-        """Return whether the expression reads ``sensor``, and it does not report."""
+        """Return whether ``sensor`` does not report and the expression reads it.
+
+        If an evaluation may leave out the sensor, as behind ``and``, the exploration chooses whether it is read.
+        """
         if self.oracle.sensor_reports(sensor):
             return False
         return sensor in self.certain_sensors or self.oracle.choose((True, False), _describe_nothing)
@@ -279,7 +291,7 @@ def _trees(value: Value) -> list[ast.expr]:
 
 
 def _has_shortcuts(tree: ast.expr) -> bool:
-    """Return whether an evaluation may leave out a part of an expression."""
+    """Return whether an evaluation may leave out a part of an expression, as in ``a and b`` if a is false."""
     return any(isinstance(node, ast.BoolOp | ast.IfExp) for node in ast.walk(tree))
 
 

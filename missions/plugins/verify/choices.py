@@ -27,8 +27,8 @@ class NondetChoice:
 class Oracle:
     """Makes choices from a script, and takes the first option after its end; ``choices`` records them.
 
-    ``reports`` has, for each report of a sensor that was read in this step, whether it is there;
-    ``all_sensors_report`` is true if all are. ``conditions`` has the results of conditions in this step, by id.
+    ``reports`` has, for each report of a sensor that a node has read in this step, True if the sensor has sent it.
+    ``all_sensors_report`` is true if all are True. ``conditions`` has the results of conditions in this step, by id.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class Oracle:
         self.conditions: dict[int, tuple[object, Exception | None]] = {}
 
     def follow(self, script: Script) -> None:
-        """Begin a step whose first choices are those of ``script``."""
+        """Begin a step of the exploration: make the choices in ``script``, then always take the first option."""
         self._script = script
         self.choices, self.reports, self.all_sensors_report, self.conditions = [], {}, True, {}
 
@@ -63,8 +63,8 @@ class Oracle:
     def sensor_reports(self, sensor: str, report: str = "", since: int | None = None) -> bool:
         """Return whether a sensor reports in this step: a choice made once per step for each report of the sensor.
 
-        Readers with equal texts in ``report`` read the same report, if they wait for it ``since`` the same instant. The
-        default is the newest report of the sensor as a whole.
+        Nodes that give the same text in ``report`` read the same report; by default it is the newest one of the sensor.
+        With ``since``, the index of an instant, the report must be newer than that instant.
         """
         key = report or sensor, since
         found = self.reports.get(key)

@@ -21,7 +21,7 @@ GOING, HALTING, RESTED = "going", "halting", "rested"
 """Kinds of a state: the run is ticked; it is halting; it is at rest after a halt."""
 
 MAX_TIMED_VARIANTS = 10
-"""Maximum number of states that differ only in their time bounds; more would be merged by coarser bounds."""
+"""Maximum number of states that differ only in their time bounds; further ones are merged by coarser bounds."""
 
 
 MAX_TRANSITIONS_PER_STATE = 40

@@ -148,7 +148,10 @@ def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
 
 
 def _unknown_weights(children: int) -> list[Weights]:
-    """Return weights for each set of children that may have a chance; for many children only for all of them."""
+    """Return possible weights of the children, one tuple for each set of children that can have a weight above 0.
+
+    With more than ``MAX_ORDERED_CHILDREN`` children, return only equal weights.
+    """
     if children > MAX_ORDERED_CHILDREN:
         return [(1.0,) * children]
     return [tuple(float(number >> place & 1) for place in range(children)) for number in range(1, 2**children)]

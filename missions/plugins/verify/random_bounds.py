@@ -15,7 +15,7 @@ BOTH = frozenset({True, False})
 def truth_values(node: ast.expr, scope: Mapping[str, object]) -> frozenset[bool]:
     """Return the truth values that a condition can have, given the known variables in ``scope``.
 
-    An evaluation may have one of them only, but never another.
+    It may contain a truth value that no evaluation has, but never lacks one that an evaluation has.
     """
     match node:
         case ast.Constant(value=bool() as value):
@@ -49,7 +49,7 @@ def _comparison_values(op: ast.cmpop, left: Bounds, right: Bounds) -> frozenset[
 
 
 def _bounds(node: ast.expr, scope: Mapping[str, object]) -> Bounds:
-    """Return the bounds between which a number is."""
+    """Return the lowest and the highest value that the number expression ``node`` can have."""
     match node:
         case ast.Constant(value=int() | float() as value):
             return float(value), float(value)

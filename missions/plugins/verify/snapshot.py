@@ -49,11 +49,12 @@ UNKNOWN_INSTANT = ZoneInstant(-1, 0.0)
 class NodeFields:
     """Fields of one node in a snapshot: their names, and their values at rest.
 
-    ``own`` is the node's own namespace, which always has all of the ``names``. ``lasting`` gets the fields from it that
-    last beyond a run, and ``initial`` are their initial values. ``resting_rows`` caches, by status index, the row
-    numbers of a node with initial values that does not run; ``running_rows`` those of a node that runs, by the status
-    index and the values. In most states, most nodes have such a row. ``is_counted`` is true for a child of a parallel,
-    which counts its skipped children apart.
+    - ``own`` is the node's own namespace, which always has all of the ``names``.
+    - ``lasting`` gets from it the fields that last beyond a run; ``initial`` are their initial values.
+    - ``resting_rows`` caches the row numbers of a node at rest with initial values, by status index.
+    - ``running_rows`` caches those of a running node, by status index and values. In most states, most nodes have a
+      cached row.
+    - ``is_counted`` is true for a child of a parallel, which counts skipped children separately.
     """
 
     node: Node
@@ -99,11 +100,11 @@ class Snapshots:
         self._stopping = [part.own for part in self._parts if isinstance(part.node, StandIn | FinallyModifier)]
 
     def take(self, ticking: Collection[int] = ()) -> tuple[Rows, dict[int, float]]:
-        """Return the rows of all nodes, and the instants in the rows, each with the longest wait from it in seconds.
+        """Return the rows of all nodes, and the instants in these rows, each with the longest wait from it in seconds.
 
-        An instant is given by its index in the zone, the time bounds of the state. A row refers to an instant by its
-        place in the returned mapping. ``ticking`` are the indices of nodes that are being ticked, whatever their status
-        is so far.
+        An instant is an index in the zone, the time bounds of the state; a row refers to it by its position in the
+        returned mapping. ``ticking`` are the indices of nodes whose tick has begun and not ended; they count as
+        running.
         """
         instants: dict[int, float] = {}
         running: list[bool] = []
@@ -126,20 +127,31 @@ class Snapshots:
         return tuple(rows), instants
 
     def marks(self, ticking: Collection[int]) -> tuple[tuple[int, bool | None, bool], ...]:
-        """Return the nodes that were suspended or skipped in this tick, with both facts; ``ticking`` as above.
+        """Return the nodes that were suspended or skipped in this tick, as tuples of three.
 
-        For a suspension, the fact is whether its time is over.
+        Each tuple has the index of the node, whether its suspension has timed out (None if it is not suspended), and
+        whether it was skipped. Nodes in ``ticking``, whose tick has not ended, and nodes whose parent does not run are
+        left out: only a running parent reads these facts.
         """
         found = []
         for number, part in enumerate(self._parts):
             suspension, is_skipped = part.own["suspension"], part.own["is_skipped"]
-            if (suspension is not None or is_skipped) and number not in ticking:
+            if (suspension is None and not is_skipped) or number in ticking or part.parent is None:
+                continue
+            if part.parent in ticking or self._parts[part.parent].node.status is RUNNING:
                 found.append((number, None if suspension is None else suspension.timed_out, is_skipped))
         return tuple(found)
 
     def stopped_in(self, tick: int) -> tuple[bool, ...]:
-        """Return for each leaf, and each ``finally``, whether its halt or its cleanup was ticked in ``tick``."""
-        return tuple(tick in (own.get("_halt_tick"), own.get("_cleanup_tick")) for own in self._stopping)
+        """Return for each leaf, and each ``finally``, whether it is stopping, and its halt was ticked in ``tick``.
+
+        For a ``finally``, that is its cleanup.
+        """
+        return tuple(
+            tick in (own.get("_halt_tick"), own.get("_cleanup_tick"))
+            and (own.get("_halt_by") is not None or own.get("_cleanup_since") is not None)
+            for own in self._stopping
+        )
 
     def _running_row(self, part: NodeFields, place: int, instants: dict[int, float]) -> int:
         """Return the number of the row of a node that runs."""

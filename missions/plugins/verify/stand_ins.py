@@ -44,8 +44,9 @@ class StandIn(Leaf):
     """Leaf that may run, succeed or fail, as listed in ``outcomes``; it has the claims of the real leaf.
 
     If ``merges_ends``, it never fails, since failure would have the same effect as success. With a ``leader``, another
-    stand-in, it runs while the leader runs and ends in the same tick (see missions.plugins.verify.model). ``merger``
-    is called before each tick. ``report`` is the report of the leaf's sensor that it reads; others may read the same.
+    stand-in, it runs while the leader runs and ends in the same tick (see missions.plugins.verify.model). ``merger`` is
+    called before each tick. ``report`` is the text by which ``Oracle.sensor_reports`` knows the sensor report that the
+    leaf reads; stand-ins with the same text read the same report.
     """
 
     run_state: ClassVar[tuple[str, ...]] = ("live",)
@@ -92,9 +93,9 @@ class StandIn(Leaf):
         return status
 
     def _waiting_since(self) -> int | None:
-        """Return the instant of the start if the report must be newer; None if it starts now, or needs no such report.
+        """Return the index of the instant since which the leaf waits for a new report of its sensor.
 
-        A condition with such a report starts when it is suspended.
+        None if it has not waited yet, or if it also accepts a report from before its start.
         """
         since = self._silent_since
         return since.place if self.needs_new_report and isinstance(since, Instant) else None
@@ -267,9 +268,9 @@ START_TIMES = frozenset({"elapsed", "started_at"})
 
 
 def _uses(leaf: type[Leaf], names: frozenset[str]) -> bool:
-    """Return whether a start or a tick of a leaf, or of the py_trees behaviour in it, may come to one of ``names``.
+    """Return whether a start or a tick of a leaf, or of the py_trees behaviour in it, may use one of ``names``.
 
-    Methods of the class and functions of its modules are followed by their names.
+    Calls are followed by name, through methods of the class and functions of its modules.
     """
     made = getattr(leaf, "make", None)
     classes = [base for base in leaf.__mro__ if not issubclass(Leaf, base)]

@@ -108,7 +108,7 @@ class SymbolicClock:
         self.set(INITIAL_ZONE)
 
     def set(self, rows: Rows) -> None:
-        """Begin a step with the zone ``rows``."""
+        """Begin a step of the exploration with the zone ``rows``: known bounds on the time between two instants."""
         self.zone = Zone(rows)
         self._now = Instant(self, self.zone.now)
 

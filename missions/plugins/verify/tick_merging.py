@@ -58,7 +58,7 @@ class TickMerger:
         self._checked = 0
 
     def start(self) -> None:
-        """Begin to explore a state: forget the situations of others, and merge runs from now on."""
+        """Begin to explore a state: forget the situations after earlier states, and merge runs from now on."""
         self._seen = set()
 
     def stop(self) -> None:

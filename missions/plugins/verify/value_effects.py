@@ -20,7 +20,10 @@ from missions.language.plan import Step
 from missions.plugins.verify.abstract_values import NondetValue
 
 MAX_NUMBER = 1e6
-"""Largest constant in sums that count as never failing: they stay far within the range of numbers."""
+"""Maximum of a constant number in a sum that is treated as always computable.
+
+Sums of such numbers stay far below the largest number that a mission accepts.
+"""
 
 
 class Variable(NamedTuple):
@@ -31,9 +34,9 @@ class Variable(NamedTuple):
 
 
 class Use(NamedTuple):
-    """A value that is computed with the variables of ``mission``, and stored in ``target``; None if it is not stored.
+    """A use of variables of ``mission``: ``value`` is computed from them, and may be stored in the variable ``target``.
 
-    ``ignored`` is true if nothing depends on the value itself.
+    ``target`` is None if the value is not stored. ``ignored`` is true if nothing depends on the value itself.
     """
 
     mission: int
@@ -51,7 +54,10 @@ def ineffective_variables(tree: Step, params: Mapping[str, object]) -> list[froz
 
 
 class _ValueFlow:
-    """Flow of values between variables. ``_opaque`` are variables that are written by more than constants and uses."""
+    """Flow of values between the variables of all missions.
+
+    ``_opaque`` are variables that also get values from elsewhere than constants and uses, such as results of leaves.
+    """
 
     def __init__(self, tree: Step, params: Mapping[str, object]) -> None:
         self._missions = 1

@@ -1,4 +1,4 @@
-"""Export of records as CSV tables, lines of JSON, or a folder of files."""
+"""CSV export and others: records as CSV tables, lines of JSON, or a folder of files."""
 
 import csv
 import json

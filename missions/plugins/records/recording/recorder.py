@@ -276,7 +276,10 @@ class Recorder:
     # --- called by the run, from any thread ---------------------------------------------------------------------------
 
     def __call__(self, event: Event) -> None:
-        """Record an event, unless it has no topic in ``EVENT_TOPICS``, since other items of the record contain it."""
+        """Record an event if ``EVENT_TOPICS`` has a topic for its class.
+
+        Events of other classes are not recorded, because other items, such as those of ticks, contain the same data.
+        """
         if type(event).__name__ in EVENT_TOPICS:
             self._enqueue(event)
             if isinstance(event, NodeChanged):

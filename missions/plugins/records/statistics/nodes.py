@@ -1,4 +1,4 @@
-"""Statistics of each node of a recorded tree, from its status changes.
+"""Statistics of each node of a recorded tree (success rate, duration), from its status changes.
 
 A record does not contain all ticks: it lacks those in which a node returns the same status again, and does not tell
 whether a halted node was ticked earlier in the same tick. Both are inferred from the composites and modifiers above the
@@ -205,9 +205,10 @@ def _was_ticked_before_halt(node: _Node, tallies: Mapping[str, _Tally], touched:
 
 
 def _was_ticked_again(node: _Node, tallies: Mapping[str, _Tally], touched: set[str]) -> bool:
-    """Return whether a node, whose result has not changed, was ticked again in the current tick.
+    """Return whether a node whose result has not changed was ticked again in the current tick.
 
-    It is inferred from its parent and siblings, of which ``touched`` has the keys of those ticked in the tick.
+    A record does not say so; it is inferred from the parent and the earlier siblings. ``touched`` are the keys of the
+    nodes that are known to have been ticked in this tick.
     """
     if node.parent is None or node.parent.place.key not in touched:
         return False

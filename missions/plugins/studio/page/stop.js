@@ -167,7 +167,7 @@ export class Stop extends HTMLElement {
     if (text) setTimeout(() => this.#message.textContent === text && put(this.#message, ""), 3000);
   }
 
-  // --- release: a second, deliberate act ---------------------------------------------------------------------------
+  // --- release: a second, deliberate act
 
   #listen_for_release() {
     const release = this.#release;

@@ -208,7 +208,7 @@ DELAY_SCENARIOS = (
 """Scenarios of `--delays`: delays unknown to the robot, and motions that no prediction foresees."""
 
 JITTERS = (0.01, 0.02, 0.03)
-"""Jitter of time stamps in `--stamps`, in seconds to both sides."""
+"""Maximum errors of time stamps in the scenarios of `mission controller bench --stamps`: seconds, early or late."""
 
 STAMP_SCENARIOS = (
     *(

@@ -128,9 +128,9 @@ class RecordedUtterance:
 
 
 class RecordedVoice(Spy):
-    """A ``drivers.api.Voice`` that records each text, with manner and priority if not the default.
+    """A ``drivers.api.Voice`` that records each text, with style and priority if they are not the defaults.
 
-    Of a sound it records the path; ``said`` holds the utterances.
+    For a sound file it records the path. ``said`` has all utterances, in order.
     """
 
     protocol = Voice

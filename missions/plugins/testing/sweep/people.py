@@ -105,5 +105,5 @@ def _move_person(person: PlainMapping, to: Callable[[float, float], tuple[float,
 
 
 def _position_text(x: float, y: float) -> list[str]:
-    """Return a position to a tenth of a millimetre, with no minus sign before zero."""
+    """Return a position as texts in metres, rounded to a tenth of a millimetre; zero has no minus sign."""
     return [f"{round(value, 4) + 0.0:g} m" for value in (x, y)]

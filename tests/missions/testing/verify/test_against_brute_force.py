@@ -152,10 +152,11 @@ def waiting(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
 
 
 def listing(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
-    """Loops over mappings, and lists that grow until they are long enough."""
+    """Loops over mappings, and lists that grow to three members: longer ones are not kept exactly."""
     members = "[{{a: 1, b: true}}, {{a: 2, b: false}}]"
     loop = f"for_each: {{{{in: {members}, as: p, do: {{{{sequence: [{{{{check: p.{{}}}}}}, {{{{{{}}}}}}]}}}}}}}}"
-    grow = "sequence: [{{set: {{found: '${{found + [1]}}'}}}}, {{{}}}, {{check: len(found) {}}}]"
+    longer = "${{found + [1] if len(found) < 3 else found}}"
+    grow = f"sequence: [{{{{set: {{{{found: '{longer}'}}}}}}}}, {{{{{{}}}}}}, {{{{check: len(found) {{}}}}}}]"
     return [
         st.builds(loop.format, st.sampled_from(("b", "a < 2", "a > 0")), children),
         st.builds(grow.format, children, st.sampled_from(("> 0", "> 1", "< 2", "== 3"))),
@@ -248,12 +249,13 @@ def compare_shortest_ways(found: Plan, seconds: float) -> None:
 
 
 @settings(max_examples=40)
+@example("reactive_sequence: [{scene_uniform: 1 s, on_failure: succeed}], once: true")
 @given(trees(MODIFIERS))
 def test_the_shortest_way_to_each_end_is_that_of_all_short_runs(tree: str) -> None:
     found = plan(tree)
     if found is None:
         return
-    compare_shortest_ways(found, 0.0)
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
 
 
 @settings(max_examples=40)
@@ -286,7 +288,7 @@ def test_shortest_ways_past_recoveries_and_cleanups_match_brute_force(tree: str)
     found = plan(tree)
     if found is None:
         return
-    compare_shortest_ways(found, 0.0)
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
 
 
 @settings(max_examples=40)
