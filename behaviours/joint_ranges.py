@@ -70,7 +70,7 @@ def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  #
 
 
 class UnmeasuredError(ValueError):
-    """A condition that rests on dead reckoning, because the base does not measure its motion."""
+    """Raised for a condition that reads a position from dead reckoning: the base does not measure its motion."""
 
 
 class Condition(Protocol):

@@ -1,4 +1,4 @@
-"""Move files, which say how the columns of a spreadsheet become a movement of joints."""
+"""Reader of move files: each says how the columns of a spreadsheet become a movement of joints."""
 
 import re
 from collections.abc import Collection, Iterator, Mapping

@@ -102,7 +102,7 @@ def _check_file(
 
 
 def _fix_file(name: str, check: Callable[[str], Sequence[Diagnostic]]) -> list[str]:
-    """Rewrite the old forms in a mission without errors; return the lines to print.
+    """Rewrite the old forms of the mission language in a file without errors; return the lines to print.
 
     ``check`` returns the errors of a file. The file is replaced only if the rewritten text has none.
     """

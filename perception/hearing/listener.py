@@ -56,7 +56,7 @@ TRANSITIONS: Final = {
 
 
 class RecogniserHandler(Protocol):
-    """Receiver of the messages of a worker process, as ``drivers.transport.worker_process.WorkerHandler``."""
+    """Receiver of the messages of the speech recogniser's worker process."""
 
     def on_started(self) -> None:
         """Called when the process has started; it needs its setup."""

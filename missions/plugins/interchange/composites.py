@@ -184,7 +184,7 @@ def sequence_with_memory(tree: TreeContext, element: Element, kind: str) -> Miss
 
 
 def try_catch(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return a TryCatch node as a ``selector``: after a failure it runs the last child, and then fails.
+    """Return a TryCatch node as a ``selector``: if another child fails, the last child runs, and the node fails.
 
     None if the node has fewer than two children.
     """

@@ -19,7 +19,7 @@ from missions.plugins.interchange.scripts import FLAG, LOGIC, Formula, as_condit
 from missions.plugins.interchange.xml_reader import Element
 
 NEVER_FAILS = ("wait", "succeed", "set")
-"""Words of the leaves that an import writes by itself and that never fail."""
+"""Words of mission leaves that the translation writes by itself and that never fail."""
 
 
 def with_conditions(tree: TreeContext, element: Element, step: MissionStep, skip_as: SkipAs) -> MissionStep:

@@ -66,7 +66,10 @@ class DeadStepRemover:
         return ends
 
     def _is_instant(self, step: MissionStep, key: str) -> bool:
-        """Return whether a step is a leaf that ends at its first tick, without a modifier before ``key``."""
+        """Return whether a step is a leaf that ends at its first tick, without other modifiers before ``key``.
+
+        ``key`` is one of the step's modifiers; each wraps those before it.
+        """
         before = list(step.keys)[: list(step.keys).index(key)]
         if any(each in MODIFIERS for each in before):
             return False

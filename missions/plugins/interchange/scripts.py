@@ -60,7 +60,7 @@ class Formula:
 
     @property
     def is_condition(self) -> bool:
-        """True if the value of the expression is surely true or false."""
+        """True if the value of the expression is a flag: true or false, and not a number or a text."""
         return self.kind == FLAG
 
     def within(self, binding: int) -> str:
@@ -78,7 +78,7 @@ class Assignment:
 
 @dataclass(slots=True)
 class Script:
-    """A parsed script: its assignments in order, and its last statement if that is an expression, no assignment."""
+    """A parsed script: its ``assignments`` in order, and its last statement as ``condition`` if it is no assignment."""
 
     assignments: list[Assignment] = field(default_factory=list)
     condition: Formula | None = None

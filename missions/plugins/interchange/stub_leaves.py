@@ -91,7 +91,8 @@ PYTHON_NAMES = ("Leaf", "Any", "Status", "Mapping")
 class StubTable:
     """Stub leaves of an import, by the ID of the leaf in the XML files.
 
-    ``leaf_tags`` are the tags that other leaves have. ``outputs`` are the output ports of each leaf that its nodes use.
+    ``leaf_tags`` are the tags that other leaves have. ``outputs`` has, for each leaf, its output ports that are
+    connected to a blackboard entry in any tree.
     """
 
     def __init__(self, leaf_tags: Collection[str], outputs: Mapping[str, Mapping[str, PortModel]]) -> None:
