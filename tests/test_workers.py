@@ -55,6 +55,6 @@ def test_each_test_runs_once_and_a_crash_fails_one_alone(pytester: pytest.Pytest
     assert len(list(pytester.path.glob("torn_down.*"))) == 4  # three workers, one of them killed, and one for deadlines
 
 
-def test_it_ends_at_the_first_failure_if_that_is_wanted(pytester: pytest.Pytester) -> None:
+def test_workers_stop_at_the_first_failure_with_maxfail(pytester: pytest.Pytester) -> None:
     result = pytester.runpytest_subprocess(*WORDS, "-x", "-k", "8 or 9")
     result.stdout.fnmatch_lines(["*stopping after 1 failures*"])

@@ -13,14 +13,14 @@ def foretelling(lag: float, acceleration: float) -> tuple[BasePredictor, LagEsti
     return BasePredictor(known), known
 
 
-def test_a_base_that_was_told_nothing_goes_on_as_it_does() -> None:
+def test_turn_rate_is_kept_without_commands() -> None:
     ahead, _ = foretelling(0.1, 2.0)
     assert ahead.at(1.5, TurnState(0.5, 1.0, 1.0)).heading == pytest.approx(1.0)
     before = ahead.at(0.9, TurnState(0.5, 1.0, 1.0))
     assert (before.heading, before.rate) == pytest.approx((0.4, 1.0))
 
 
-def test_it_speeds_up_to_what_it_was_told_after_its_lag() -> None:
+def test_turn_rate_ramps_to_the_command_after_the_lag() -> None:
     ahead, lag = foretelling(0.2, 2.0)
     lag.add_command(1.0, 1.0)
     still = TurnState(0.0, 0.0, 1.0)
@@ -31,21 +31,21 @@ def test_it_speeds_up_to_what_it_was_told_after_its_lag() -> None:
     assert (found.heading, found.rate) == pytest.approx((0.45, 1.0), abs=0.001)
 
 
-def test_the_newest_that_has_begun_is_in_force() -> None:
+def test_newest_command_past_the_lag_is_in_force() -> None:
     ahead, lag = foretelling(0.1, 1000.0)
     for n in range(100):
         lag.add_command(n * 0.05, n / 100)
     assert ahead.at(4.92, TurnState(0.0, 0.0, 4.9)).rate == pytest.approx(0.96)  # told at 4.8
 
 
-def test_what_somebody_else_commands_is_forgotten() -> None:
+def test_forgotten_commands_have_no_effect_on_the_prediction() -> None:
     ahead, lag = foretelling(0.0, 9.0)
     lag.add_command(1.0, 1.0)
     lag.forget_commands()
     assert ahead.at(1.5, TurnState(0.0, 0.0, 1.0)) == TurnState(0.0, 0.0, 1.5)
 
 
-def test_it_looks_no_farther_ahead_than_is_of_use() -> None:
+def test_lookahead_is_limited() -> None:
     ahead, _ = foretelling(0.0, 1.0)
     assert ahead.at(100.0, TurnState(0.0, 1.0, 0.0)).heading == pytest.approx(MAX_LOOKAHEAD)
 
@@ -56,7 +56,7 @@ def test_it_looks_no_farther_ahead_than_is_of_use() -> None:
     st.floats(0.0, 1.0),
     st.floats(0.1, 10.0),
 )
-def test_it_never_turns_faster_than_told_nor_changes_faster_than_it_can(
+def test_predicted_turn_stays_within_commanded_rate_and_acceleration(
     told: list[tuple[float, float]], rate: float, time: float, acceleration: float
 ) -> None:
     ahead, lag = foretelling(0.1, acceleration)
@@ -102,7 +102,7 @@ def test_the_lag_of_a_base_is_learnt_within_3_s_also_where_something_holds_the_b
             assert found.spread < 0.02
 
 
-def test_a_base_that_does_not_turn_teaches_nothing() -> None:
+def test_lag_is_not_learnt_without_a_turn() -> None:
     lag = LagEstimator(0.15, 3.5)
     for n in range(100):
         lag.add_command(n * 0.02, 0.0)
@@ -110,7 +110,7 @@ def test_a_base_that_does_not_turn_teaches_nothing() -> None:
     assert lag.seconds == 0.15
 
 
-def test_what_the_base_did_not_report_itself_teaches_nothing() -> None:
+def test_lag_is_not_learnt_from_unreported_states() -> None:
     lag = LagEstimator(0.15, 3.5)
     for n in range(100):
         lag.add_command(n * 0.02, 0.8 if n % 40 < 20 else -0.8)
@@ -118,7 +118,7 @@ def test_what_the_base_did_not_report_itself_teaches_nothing() -> None:
     assert lag.seconds == 0.15
 
 
-def test_a_base_brakes_harder_than_it_speeds_up() -> None:
+def test_ramp_brakes_harder_than_it_accelerates() -> None:
     assert ramp(1.0, 2.0, 0.1) == pytest.approx(1.1)
     assert ramp(1.0, -1.0, 0.1) == pytest.approx(1.0 - 0.1 * BRAKING_FACTOR)
     assert ramp(1.0, 0.95, 0.1) == pytest.approx(0.95)

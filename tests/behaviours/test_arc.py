@@ -34,7 +34,7 @@ def test_a_positive_angle_goes_round_to_the_left_and_a_negative_one_to_the_right
     assert (command.linear, command.angular) == pytest.approx((0.2, side * 0.4))
 
 
-def test_it_slows_down_towards_the_goal_on_the_same_circle() -> None:
+def test_arc_slows_down_towards_the_goal_on_the_same_circle() -> None:
     bench = LeafTestBench()
     leaf = arc(bench, 0.5, 90.0, speed=0.3)
     speeds = []
@@ -50,7 +50,7 @@ def test_it_slows_down_towards_the_goal_on_the_same_circle() -> None:
     assert leaf.reason == "88 of 90 deg"
 
 
-def test_at_the_goal_it_stops_once_and_succeeds_when_it_neither_drives_nor_turns() -> None:
+def test_arc_stops_once_at_the_goal_and_succeeds_at_standstill() -> None:
     bench = LeafTestBench()
     leaf = arc(bench, 0.5, 90.0)
     bench.tick(leaf)
@@ -69,7 +69,7 @@ def test_at_the_goal_it_stops_once_and_succeeds_when_it_neither_drives_nor_turns
         (replace(STILL, wheel_drop=SIDE), "a wheel has dropped"),
     ],
 )
-def test_what_is_ahead_fails_it_and_stops_the_base(felt: BaseState, reason: str) -> None:
+def test_arc_fails_and_stops_the_base_at_an_obstacle(felt: BaseState, reason: str) -> None:
     bench = LeafTestBench()
     leaf = arc(bench)
     bench.tick(leaf)
@@ -79,7 +79,7 @@ def test_what_is_ahead_fails_it_and_stops_the_base(felt: BaseState, reason: str)
     assert bench.base.commands[-1] == STOP
 
 
-def test_without_a_report_it_waits_and_says_nothing_to_the_base() -> None:
+def test_arc_waits_without_commands_until_the_base_reports() -> None:
     bench = LeafTestBench()
     bench.base.reading = none()
     leaf = arc(bench)
@@ -104,7 +104,7 @@ def test_an_arc_ends_within_two_degrees(radius: float, angle: float, speed: floa
 
 @pytest.mark.parametrize("side", [1, -1])
 @pytest.mark.parametrize("radius", [0.1, 0.3, 1.0])
-def test_a_whole_circle_ends_where_it_began_and_has_its_radius(radius: float, side: int) -> None:
+def test_full_circle_ends_at_its_start_with_its_radius(radius: float, side: int) -> None:
     bench = LeafTestBench()
     track = Track(arc(bench, radius, side * 360.0, speed=0.3), bench)
     off = 0.0

@@ -32,7 +32,7 @@ def waving(bench: LeafTestBench, movement: Movement = WAVE, **arguments: object)
 # --- what it tells the arm -------------------------------------------------------------------------------------------
 
 
-def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
+def test_gesture_plays_every_keyframe_on_time() -> None:
     bench = LeafTestBench()
     leaf = waving(bench)
     statuses: list[Status] = []
@@ -49,20 +49,20 @@ def test_a_gesture_plays_every_keyframe_in_its_time() -> None:
     assert told[-1] == {"shoulder": 0.0, "elbow": 0.0}
 
 
-def test_it_moves_only_the_joints_that_it_names() -> None:
+def test_gesture_moves_only_its_own_joints() -> None:
     bench = LeafTestBench()
     bench.tick(waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),))))
     assert [move.keys() for move in moves(bench.arm)] == [{"elbow"}]
 
 
-def test_it_starts_from_where_the_joints_are() -> None:
+def test_gesture_starts_from_the_measured_joint_angles() -> None:
     bench = LeafTestBench()
     bench.arm.place({"shoulder": 0.5, "elbow": 1.0})
     bench.tick(waving(bench))
     assert moves(bench.arm)[0] == pytest.approx({"shoulder": 0.5, "elbow": 1.0}, abs=1e-3)
 
 
-def test_at_half_the_speed_it_takes_twice_as_long() -> None:
+def test_gesture_at_half_speed_takes_twice_as_long() -> None:
     bench, _ = with_servos()
     usual = play(bench, waving(bench))
     assert play(bench, waving(bench, speed=0.5)) == pytest.approx(2 * usual, abs=0.2)
@@ -79,7 +79,7 @@ def test_no_goal_is_farther_from_the_last_than_a_joint_gets_in_a_tick(speed: flo
             assert abs(there[joint] - here[joint]) <= limits.speed * TICK + 1e-9
 
 
-def test_its_speeds_fit_each_step_instead_of_the_limit() -> None:
+def test_gesture_speeds_fit_each_step() -> None:
     bench, servos = with_servos()
     servos.short = 0.0
     leaf = waving(bench, Movement("lift", "", (Keyframe(2.0, {"elbow": 1.0}),)))
@@ -91,7 +91,7 @@ def test_its_speeds_fit_each_step_instead_of_the_limit() -> None:
     assert max(told) < servos.limits["elbow"].speed
 
 
-def test_a_joint_that_lags_is_told_to_go_faster() -> None:
+def test_lagging_joint_gets_a_higher_speed() -> None:
     bench, servos = with_servos()
     leaf = waving(bench, Movement("lift", "", (Keyframe(4.0, {"elbow": 1.0}),)))
     tick(bench, leaf, 2.0)
@@ -101,7 +101,7 @@ def test_a_joint_that_lags_is_told_to_go_faster() -> None:
     assert servos.speeds[-1]["elbow"] == pytest.approx(before + SPEED_MARGIN * 0.2 / CATCH_UP_TIME, abs=0.2)
 
 
-def test_a_gesture_through_its_keyframes_does_not_halt_at_them() -> None:
+def test_cubic_gesture_does_not_stop_at_its_keyframes() -> None:
     bench, _ = with_servos()
     frames = tuple(Keyframe(1.0 + 0.2 * n, {"elbow": 0.1 * n}) for n in range(6))
     leaf = waving(bench, Movement("rise", "", frames, "cubic"))
@@ -115,7 +115,7 @@ def test_a_gesture_through_its_keyframes_does_not_halt_at_them() -> None:
 # --- what it refuses -------------------------------------------------------------------------------------------------
 
 
-def test_a_joint_that_the_arm_lacks_fails_it_before_anything_moves() -> None:
+def test_gesture_with_a_missing_joint_fails_before_any_motion() -> None:
     bench = LeafTestBench()
     leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"hand": 0.0}))))
     assert bench.tick(leaf) is FAILURE
@@ -123,7 +123,7 @@ def test_a_joint_that_the_arm_lacks_fails_it_before_anything_moves() -> None:
     assert bench.arm.commands == []
 
 
-def test_a_keyframe_outside_the_limits_fails_it_before_anything_moves() -> None:
+def test_gesture_with_a_keyframe_outside_the_limits_fails_before_any_motion() -> None:
     bench = LeafTestBench()
     leaf = waving(bench, Movement("clap", "", (Keyframe(1.0, {"elbow": 0.5}), Keyframe(2.0, {"elbow": -0.2}))))
     assert bench.tick(leaf) is FAILURE
@@ -131,7 +131,7 @@ def test_a_keyframe_outside_the_limits_fails_it_before_anything_moves() -> None:
     assert bench.arm.commands == []
 
 
-def test_all_that_does_not_fit_is_told_at_once() -> None:
+def test_gesture_reports_all_unfit_joints_together() -> None:
     bench = LeafTestBench()
     frames = (Keyframe(1.0, {"elbow": -0.2, "hand": 1.0}), Keyframe(2.0, {"shoulder": 3.0, "elbow": 9.0}))
     leaf = waving(bench, Movement("clap", "", frames))
@@ -149,7 +149,7 @@ def test_a_keyframe_at_the_limit_is_played() -> None:
 
 
 @pytest.mark.parametrize("quality", [Quality.NONE, Quality.STALE])
-def test_it_waits_for_joints_that_do_not_report_and_names_them(quality: Quality) -> None:
+def test_gesture_waits_for_silent_joints_and_names_them(quality: Quality) -> None:
     bench = LeafTestBench()
     before = bench.arm.readings["elbow"]
     bench.arm.readings["elbow"] = none() if quality is Quality.NONE else Reading(before.value, 0.0, quality)
@@ -162,7 +162,7 @@ def test_it_waits_for_joints_that_do_not_report_and_names_them(quality: Quality)
     assert moves(bench.arm)[0] == pytest.approx({"shoulder": 0.0, "elbow": 0.0}, abs=2e-3)
 
 
-def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
+def test_gesture_halted_before_the_first_report_sends_no_command() -> None:
     bench = LeafTestBench()
     bench.arm.readings["elbow"] = none()
     leaf = waving(bench)
@@ -174,7 +174,7 @@ def test_a_halt_before_the_arm_has_reported_leaves_it_alone() -> None:
 # --- how it ends -----------------------------------------------------------------------------------------------------
 
 
-def test_a_halt_holds_the_joints_that_it_moves_where_they_are_once() -> None:
+def test_gesture_halt_holds_its_joints_once() -> None:
     bench = LeafTestBench()
     leaf = waving(bench, Movement("nod", "", (Keyframe(1.0, {"elbow": 0.5}),)))
     bench.tick(leaf)
@@ -183,7 +183,7 @@ def test_a_halt_holds_the_joints_that_it_moves_where_they_are_once() -> None:
     assert bench.arm.commands[1:] == [(HOLD, "elbow")]
 
 
-def test_servos_that_stay_a_little_short_have_arrived() -> None:
+def test_gesture_succeeds_although_servos_stay_slightly_short() -> None:
     bench, _ = with_servos()
     leaf = waving(bench)
     took = play(bench, leaf)
@@ -192,7 +192,7 @@ def test_servos_that_stay_a_little_short_have_arrived() -> None:
     assert bench.arm.commands == moves(bench.arm)
 
 
-def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None:
+def test_gesture_with_a_stuck_joint_fails_and_holds_the_arm() -> None:
     bench, servos = with_servos()
     servos.shafts["elbow"].position = servos.shafts["elbow"].goal = 1.5
     servos.stuck = {"elbow"}
@@ -204,7 +204,7 @@ def test_a_joint_that_is_stuck_fails_it_in_the_end_and_the_arm_is_held() -> None
     assert servos.commands[-1] == (HOLD, "shoulder", "elbow")
 
 
-def test_a_joint_that_fell_silent_has_not_arrived() -> None:
+def test_silent_joint_has_not_arrived() -> None:
     bench = LeafTestBench()
     leaf = waving(bench)
     bench.tick(leaf)
@@ -214,7 +214,7 @@ def test_a_joint_that_fell_silent_has_not_arrived() -> None:
     assert leaf.reason == "wave: waiting for elbow"
 
 
-def test_a_device_fault_fails_it_and_the_arm_is_held() -> None:
+def test_gesture_fails_and_holds_the_arm_on_a_device_fault() -> None:
     bench = LeafTestBench()
     leaf = waving(bench)
     bench.tick(leaf)
@@ -224,7 +224,7 @@ def test_a_device_fault_fails_it_and_the_arm_is_held() -> None:
     assert bench.arm.commands[-1] == (HOLD, "shoulder", "elbow")
 
 
-def test_after_success_and_after_a_halt_it_begins_from_the_first_keyframe() -> None:
+def test_gesture_restarts_at_the_first_keyframe_after_success_and_halt() -> None:
     bench, _ = with_servos()
     leaf = waving(bench)
     first = play(bench, leaf)
@@ -239,7 +239,7 @@ def test_after_success_and_after_a_halt_it_begins_from_the_first_keyframe() -> N
 
 
 @pytest.mark.parametrize("lost", [True, False])
-def test_after_a_lost_arm_or_a_pause_it_goes_on_where_it_was(lost: bool) -> None:
+def test_gesture_resumes_after_a_disconnect_or_a_pause(lost: bool) -> None:
     bench = LeafTestBench()
     leaf = waving(bench)
     for _ in range(9):

@@ -58,7 +58,7 @@ def told(bench: LeafTestBench) -> Velocity:
 # --- what it tells the base ------------------------------------------------------------------------------------------
 
 
-def test_drive_goes_at_its_speed_and_slows_down_towards_the_goal() -> None:
+def test_drive_keeps_its_speed_and_slows_down_towards_the_goal() -> None:
     bench = LeafTestBench()
     leaf = driving(bench, speed=0.3)
     speeds = []
@@ -78,7 +78,7 @@ def test_a_negative_distance_goes_backwards() -> None:
     assert told(bench) == Velocity(-0.2, 0.0)
 
 
-def test_a_drive_steers_back_to_its_heading() -> None:
+def test_drive_steers_back_to_its_heading() -> None:
     bench = LeafTestBench()
     for distance in (1.0, -1.0):
         leaf = driving(bench, distance)
@@ -102,7 +102,7 @@ def test_distance_is_measured_along_the_heading_at_the_start() -> None:
     assert leaf.reason == "0.60 of 1.00 m"
 
 
-def test_turn_turns_on_the_spot_to_its_side() -> None:
+def test_turn_rotates_on_the_spot_in_the_direction_of_its_sign() -> None:
     bench = LeafTestBench()
     bench.tick(turning(bench, 90.0, speed=1.0))
     assert told(bench) == Velocity(0.0, 1.0)
@@ -120,7 +120,7 @@ def test_a_turn_may_go_round_more_than_once() -> None:
 
 
 @pytest.mark.parametrize("kind", ["drive", "turn"])
-def test_at_the_goal_it_stops_once_and_succeeds_when_it_stands_still(kind: str) -> None:
+def test_drive_and_turn_stop_once_at_the_goal_and_succeed_at_standstill(kind: str) -> None:
     bench = LeafTestBench()
     leaf = driving(bench) if kind == "drive" else turning(bench)
     bench.tick(leaf)
@@ -144,7 +144,7 @@ def test_nothing_to_do_succeeds_at_once_and_moves_nothing(kind: str) -> None:
 
 
 @pytest.mark.parametrize(("felt", "reason"), [(BUMPED, "bumped into something"), (AT_A_CLIFF, "a cliff ahead")])
-def test_what_is_ahead_fails_a_drive_forwards_but_not_one_backwards(felt: Reading[BaseState], reason: str) -> None:
+def test_obstacle_ahead_fails_forward_drives_but_not_backward_ones(felt: Reading[BaseState], reason: str) -> None:
     bench = LeafTestBench()
     forwards, backwards = driving(bench), driving(bench, -1.0)
     bench.tick(forwards)
@@ -155,7 +155,7 @@ def test_what_is_ahead_fails_a_drive_forwards_but_not_one_backwards(felt: Readin
     assert bench.tick(backwards) is RUNNING
 
 
-def test_with_a_pressed_bumper_it_still_turns_but_at_a_cliff_it_does_not() -> None:
+def test_turn_runs_with_a_pressed_bumper_but_fails_at_a_cliff() -> None:
     bench = LeafTestBench()
     bench.base.reading = BUMPED
     assert bench.tick(turning(bench)) is RUNNING
@@ -175,7 +175,7 @@ def test_a_dropped_wheel_fails_every_motion() -> None:
 
 
 @pytest.mark.parametrize("reading", [stale(BaseState(Pose2D(0.3, 0.0, 0.3), Velocity(0.2, 0.2))), none()])
-def test_without_fresh_odometry_it_waits_and_says_nothing_to_the_base(reading: Reading[BaseState]) -> None:
+def test_drive_and_turn_wait_without_commands_for_fresh_odometry(reading: Reading[BaseState]) -> None:
     for number in range(2):
         bench = LeafTestBench()
         leaf = both(bench)[number]
@@ -190,7 +190,7 @@ def test_without_fresh_odometry_it_waits_and_says_nothing_to_the_base(reading: R
         assert leaf.reason in {"0.40 of 1.00 m", "23 of 90 deg"}
 
 
-def test_it_starts_where_the_first_report_says() -> None:
+def test_drive_starts_at_the_first_reported_pose() -> None:
     bench = LeafTestBench()
     bench.base.reading = none()
     leaf = driving(bench)
@@ -230,7 +230,7 @@ def test_a_lost_base_is_waited_for_and_still_stopped_when_halted() -> None:
         bench.base.trouble = None
 
 
-def test_a_fault_of_the_base_fails_it_and_stops_the_base() -> None:
+def test_drive_and_turn_fail_and_stop_on_a_device_fault() -> None:
     bench = LeafTestBench()
     for leaf in both(bench):
         bench.base.trouble = DeviceFault("base: motor overload")
@@ -259,7 +259,7 @@ def test_a_second_run_starts_where_the_base_is_then(ending: Status) -> None:
 # --- stop ------------------------------------------------------------------------------------------------------------
 
 
-def test_stop_stops_once_and_succeeds_when_the_base_stands_still() -> None:
+def test_stop_sends_one_stop_and_succeeds_at_standstill() -> None:
     bench = LeafTestBench()
     leaf = bench.put(StopLeaf("stop"))
     bench.base.reading = at(linear=0.3)
@@ -271,7 +271,7 @@ def test_stop_stops_once_and_succeeds_when_the_base_stands_still() -> None:
     assert bench.base.commands == [STOP]
 
 
-def test_stop_waits_for_what_may_still_be_on_its_way_to_the_wheels() -> None:
+def test_stop_waits_for_the_reaction_time() -> None:
     bench = LeafTestBench()
     leaf = bench.put(StopLeaf("stop"))
     assert bench.tick(leaf) is RUNNING
@@ -404,7 +404,7 @@ def test_a_drive_does_not_dawdle(distance: float, seconds: float) -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(distance=st.floats(0.3, 2.0), after=st.floats(0.02, 4.0))
-def test_a_base_whose_drive_is_halted_at_any_time_stands(distance: float, after: float) -> None:
+def test_base_comes_to_rest_within_its_braking_distance_after_a_halt(distance: float, after: float) -> None:
     bench = LeafTestBench()
     track = Track(driving(bench, distance, speed=0.5), bench)
     track.pass_time(after)
@@ -415,7 +415,7 @@ def test_a_base_whose_drive_is_halted_at_any_time_stands(distance: float, after:
     assert track.pose.x - x <= 0.2 * (speed + 0.1) + (speed + 0.1) ** 2 / 4 + 0.001
 
 
-def test_odometry_that_fails_on_the_way_lets_the_base_stand_and_the_drive_goes_on_when_it_is_back() -> None:
+def test_drive_pauses_while_odometry_is_silent_and_resumes() -> None:
     bench = LeafTestBench()
     track = Track(driving(bench, 1.0), bench)
     track.pass_time(2.0)

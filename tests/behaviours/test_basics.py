@@ -55,7 +55,7 @@ def test_set_keeps_the_values_of_the_moment() -> None:
     assert bench.run.variables == {"count": 1, "at": 102.0, "name": "bob"}
 
 
-def test_set_evaluates_everything_before_it_changes_anything() -> None:
+def test_set_evaluates_all_values_before_it_assigns() -> None:
     bench = LeafTestBench()
     bench.run.variables.update(a=1, b=2)
     swap = bench.put(
@@ -65,7 +65,7 @@ def test_set_evaluates_everything_before_it_changes_anything() -> None:
     assert bench.run.variables == {"a": 2, "b": 1}
 
 
-def test_set_fails_with_the_name_that_has_no_value_and_changes_nothing() -> None:
+def test_set_fails_without_changes_if_a_variable_is_unset() -> None:
     def unknown() -> object:
         raise ValueError("there is no 'visitor' yet")
 
@@ -92,7 +92,7 @@ def test_fail_fails_for_the_reason_given() -> None:
 
 
 @given(st.lists(st.sampled_from([RUNNING, SUCCESS, FAILURE]), min_size=1), st.integers(1, 30))
-def test_pretend_gives_its_outcomes_in_turn_over_and_over(outcomes: list[object], ticks: int) -> None:
+def test_pretend_cycles_through_its_outcomes(outcomes: list[object], ticks: int) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Pretend("pretend"), outcomes=outcomes)
     assert [bench.tick(leaf) for _ in range(ticks)] == [outcomes[n % len(outcomes)] for n in range(ticks)]

@@ -6,12 +6,12 @@ from behaviours.catalogue import LEAF_PATHS, LEAVES, Catalogue
 from behaviours.leaf import Leaf
 
 
-def test_every_leaf_stands_under_its_own_word() -> None:
+def test_leaf_tags_match_their_catalogue_keys() -> None:
     assert {word: leaf.tag for word, leaf in LEAVES.items()} == {word: word for word in LEAF_PATHS}
     assert all(issubclass(leaf, Leaf) for leaf in LEAVES.values())
 
 
-def test_leaves_of_others_come_after_ours() -> None:
+def test_plugin_leaves_come_after_the_builtin_leaves() -> None:
     class Blink(Leaf):
         tag = "blink"
 
@@ -24,6 +24,6 @@ def test_leaves_of_others_come_after_ours() -> None:
     assert "blnk" not in leaves
 
 
-def test_there_is_no_leaf_of_an_unknown_word() -> None:
+def test_unknown_leaf_raises_key_error() -> None:
     with pytest.raises(KeyError):
         LEAVES["blnk"]

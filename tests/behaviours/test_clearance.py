@@ -38,7 +38,7 @@ def seen(*points: tuple[float, float]) -> Points:
         ((REACH / 2, 0.0), 0.0),
     ],
 )
-def test_a_way_is_free_until_the_rim_and_its_margin_would_touch(point: tuple[float, float], way: float) -> None:
+def test_free_distance_ends_where_the_rim_and_margin_would_touch(point: tuple[float, float], way: float) -> None:
     assert free_distance(seen(point)) == pytest.approx(way)
 
 
@@ -47,7 +47,7 @@ def test_the_nearest_of_several_things_counts_and_without_any_the_way_is_free() 
     assert free_distance(seen()) == math.inf
 
 
-def test_ways_in_other_headings_are_those_of_a_base_that_has_turned() -> None:
+def test_free_distance_in_a_heading_equals_that_of_a_turned_base() -> None:
     points = seen((1.0, 0.3), (0.2, -1.5), (-1.0, 0.1))
     headings = [math.radians(degrees) for degrees in range(-180, 180, 5)]
     ways = [free_distance(points, heading) for heading in headings]
@@ -73,7 +73,7 @@ def state(heading: float = 0.0, speed: float = 0.0) -> BaseState:
     return BaseState(Pose2D(0.0, 0.0, heading), Velocity(speed, 0.0))
 
 
-def test_what_the_base_has_driven_since_the_scan_brings_things_nearer() -> None:
+def test_points_are_moved_by_the_drive_since_the_scan() -> None:
     bench = LeafTestBench()
     lookout = ObstacleView(bench.robot)
     bench.ranger.show({0: 1.0})
@@ -82,7 +82,7 @@ def test_what_the_base_has_driven_since_the_scan_brings_things_nearer() -> None:
     assert points == [pytest.approx((0.9, 0.0))]
 
 
-def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
+def test_points_are_rotated_by_the_turn_since_the_scan() -> None:
     bench = LeafTestBench()
     lookout = ObstacleView(bench.robot)
     bench.ranger.show({0: 1.0})
@@ -91,7 +91,7 @@ def test_what_the_base_has_turned_since_the_scan_turns_things_away() -> None:
     assert points == [pytest.approx((0.0, -1.0))]
 
 
-def test_a_finder_that_does_not_report_shows_nothing_known() -> None:
+def test_obstacle_view_is_none_without_a_range_report() -> None:
     bench = LeafTestBench()
     bench.ranger.reading = none()
     assert ObstacleView(bench.robot).points_around(state(), 0.0) is None
@@ -100,7 +100,7 @@ def test_a_finder_that_does_not_report_shows_nothing_known() -> None:
 # --- where it has been -----------------------------------------------------------------------------------------------
 
 
-def test_floor_is_new_until_the_base_was_there() -> None:
+def test_cell_is_unvisited_until_the_base_was_there() -> None:
     visited = VisitedCells()
     here = Pose2D(CELL_SIZE / 2, CELL_SIZE / 2, 0.0)
     visited.visit(here)
@@ -112,5 +112,5 @@ def test_floor_is_new_until_the_base_was_there() -> None:
     assert len(visited) == 3
 
 
-def test_a_way_that_is_too_short_has_nothing_new() -> None:
+def test_too_short_way_has_no_unvisited_cells() -> None:
     assert VisitedCells().unvisited_share(Pose2D(0.0, 0.0, 0.0), 0.0, CELL_SIZE / 2) == 0.0

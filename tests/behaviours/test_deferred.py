@@ -25,7 +25,7 @@ def test_trees_are_drawn_as_before() -> None:
     assert told(program).splitlines() == ["['root', '-->', 'done'] True", "py_trees.demos.action"]
 
 
-def test_a_part_of_py_trees_that_is_not_there_is_missed_as_before() -> None:
+def test_missing_py_trees_module_raises_module_not_found_error() -> None:
     program = """if True:
         import behaviours.leaf
         try:

@@ -44,7 +44,7 @@ def at(x: float, heading: float = 0.0) -> BaseState:
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_it_waits_while_a_person_has_the_wheels_and_says_nothing_to_the_base(number: int) -> None:
+def test_motions_wait_without_commands_during_teleoperation(number: int) -> None:
     bench = LeafTestBench()
     leaf = motions(bench)[number]
     bench.tick(leaf)
@@ -59,7 +59,7 @@ def test_it_waits_while_a_person_has_the_wheels_and_says_nothing_to_the_base(num
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_latched_base_fails_it_with_the_reason(number: int) -> None:
+def test_motions_fail_with_the_reason_of_the_latch(number: int) -> None:
     bench = LeafTestBench()
     leaf = motions(bench)[number]
     bench.tick(leaf)
@@ -70,7 +70,7 @@ def test_a_latched_base_fails_it_with_the_reason(number: int) -> None:
 
 
 @pytest.mark.parametrize("number", NUMBERS)
-def test_a_motion_fault_fails_it_with_the_cause_and_a_fresh_one_may_begin(number: int) -> None:
+def test_motions_fail_with_the_cause_of_a_motion_fault_and_can_restart(number: int) -> None:
     bench = LeafTestBench()
     leaf = motions(bench)[number]
     bench.tick(leaf)
@@ -91,7 +91,7 @@ def test_a_fault_of_a_persons_command_does_not_fail_a_mission() -> None:
     assert bench.tick(leaf) is RUNNING
 
 
-def test_a_drive_that_was_interrupted_goes_on_along_its_line_from_where_the_base_is_then() -> None:
+def test_interrupted_drive_continues_along_its_line() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     bench.tick(leaf)
@@ -103,7 +103,7 @@ def test_a_drive_that_was_interrupted_goes_on_along_its_line_from_where_the_base
     assert bench.base.commands[-1] == Velocity(0.2, 0.0)
 
 
-def test_a_drive_that_a_person_has_brought_too_far_comes_back() -> None:
+def test_drive_returns_after_teleoperation_beyond_its_goal() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     bench.tick(leaf)
@@ -114,7 +114,7 @@ def test_a_drive_that_a_person_has_brought_too_far_comes_back() -> None:
     assert bench.base.commands[-1] == Velocity(-0.2, 0.0)
 
 
-def test_a_turn_that_a_person_has_brought_too_far_comes_back() -> None:
+def test_turn_returns_after_teleoperation_beyond_its_goal() -> None:
     bench = LeafTestBench()
     leaf = bench.put(TurnLeaf("turn"), angle=1.0, speed=0.5)
     bench.tick(leaf)
@@ -125,7 +125,7 @@ def test_a_turn_that_a_person_has_brought_too_far_comes_back() -> None:
     assert bench.base.commands[-1] == Velocity(0.0, -0.5)
 
 
-def test_one_that_was_about_to_stop_when_it_was_interrupted_does_not_count_as_there() -> None:
+def test_drive_interrupted_during_its_stop_is_not_at_the_goal() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DriveLeaf("drive"), distance=1.0)
     bench.tick(leaf)
@@ -138,7 +138,7 @@ def test_one_that_was_about_to_stop_when_it_was_interrupted_does_not_count_as_th
     assert leaf.reason == "0.20 of 1.00 m"
 
 
-def test_a_bump_that_is_over_already_fails_a_drive_while_the_base_backs_off() -> None:
+def test_past_bump_fails_a_drive_while_the_base_backs_off() -> None:
     bench = LeafTestBench()
     drive, turn = bench.put(DriveLeaf("drive"), distance=1.0), bench.put(TurnLeaf("turn"), angle=1.0)
     bench.base.steers = BACKING
@@ -177,7 +177,7 @@ def refused(bench: LeafTestBench) -> tuple[TurnLeaf, Refusing]:
     return leaf, base
 
 
-def test_what_the_base_refuses_for_longer_than_a_moment_fails() -> None:
+def test_motion_refused_beyond_the_reaction_time_fails() -> None:
     bench = LeafTestBench()
     leaf, base = refused(bench)
     assert bench.tick(leaf) is RUNNING
@@ -187,7 +187,7 @@ def test_what_the_base_refuses_for_longer_than_a_moment_fails() -> None:
     assert base.commands[-1] == STOP
 
 
-def test_what_it_refuses_for_a_moment_does_not_matter() -> None:
+def test_briefly_refused_motion_continues() -> None:
     bench = LeafTestBench()
     leaf, base = refused(bench)
     for _ in range(4):
@@ -200,7 +200,7 @@ def test_what_it_refuses_for_a_moment_does_not_matter() -> None:
 
 @settings(max_examples=25, deadline=None)
 @given(acceleration=st.floats(0.1, 1.0), speed=st.floats(0.1, 0.5))
-def test_a_base_that_brakes_gently_still_ends_within_a_centimetre(acceleration: float, speed: float) -> None:
+def test_drive_with_gentle_braking_ends_within_a_centimetre(acceleration: float, speed: float) -> None:
     bench = LeafTestBench()
     leaf = bench.put(DriveLeaf("drive"), distance=1.0, speed=speed)
     track = Track(leaf, bench, limits=VelocityLimits(0.5, 1.9, acceleration, 3.5))
@@ -208,7 +208,7 @@ def test_a_base_that_brakes_gently_still_ends_within_a_centimetre(acceleration: 
     assert track.pose.x == pytest.approx(1.0, abs=0.01)
 
 
-def test_a_base_that_turns_up_gently_still_ends_within_a_degree() -> None:
+def test_turn_with_gentle_acceleration_ends_within_a_degree() -> None:
     bench = LeafTestBench()
     leaf = bench.put(TurnLeaf("turn"), angle=math.pi, speed=1.5)
     track = Track(leaf, bench, limits=VelocityLimits(0.5, 1.9, 0.5, 0.6))
@@ -234,7 +234,7 @@ def test_the_harder_a_base_brakes_the_later_a_drive_slows_down() -> None:
 # --- what it stores, and what it does until it is halted -------------------------------------------------------------
 
 
-def test_a_drive_and_a_turn_store_how_far_they_went() -> None:
+def test_drive_and_turn_store_their_travelled_distance() -> None:
     bench = LeafTestBench()
     drive, turn = bench.put(DriveLeaf("drive"), distance=-1.0), bench.put(TurnLeaf("turn"), angle=math.pi / 2)
     for leaf, wanted in ((drive, -1.0), (turn, math.pi / 2)):
@@ -261,7 +261,7 @@ def test_a_drive_and_a_turn_store_how_far_they_went() -> None:
         ({"speed": -0.2}, replace(HERE, wheel_drop=SIDE), True),
     ],
 )
-def test_velocity_is_told_at_every_tick_until_something_is_in_its_way(
+def test_velocity_is_sent_every_tick_until_an_obstacle(
     values: dict[str, float], felt: BaseState, *, fails: bool
 ) -> None:
     bench = LeafTestBench()

@@ -28,7 +28,9 @@ LEFT = Sides(left=True)
         (ButtonPressed("button_pressed"), {"number": 1}, replace(HERE, buttons=frozenset({0, 1})), ""),
     ],
 )
-def test_what_is_felt_succeeds(leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str) -> None:
+def test_sensor_conditions_succeed_when_their_signal_is_present(
+    leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str
+) -> None:
     bench = LeafTestBench()
     bench.put(leaf, **values)
     bench.base.reading = good(felt)
@@ -53,7 +55,7 @@ def test_what_is_felt_succeeds(leaf: Leaf, values: dict[str, object], felt: Base
         ),
     ],
 )
-def test_what_is_not_felt_fails_with_what_is(
+def test_sensor_conditions_fail_with_the_present_signals(
     leaf: Leaf, values: dict[str, object], felt: BaseState, reason: str
 ) -> None:
     bench = LeafTestBench()
@@ -100,7 +102,7 @@ def test_conditions_are_suspended_while_the_base_does_not_report() -> None:
         (0, 0.7, 60, FAILURE, "70 cm away"),
     ],
 )
-def test_an_obstacle_counts_within_its_distance_and_sector(
+def test_obstacle_within_checks_distance_and_sector(
     angle: int, distance: float, sector: float, status: object, reason: str
 ) -> None:
     bench = LeafTestBench()
@@ -151,7 +153,7 @@ def test_a_light_is_switched() -> None:
     assert bench.base.commands == [(1, Lamp.RED), (2, Lamp.OFF)]
 
 
-def test_signals_wait_for_a_base_that_is_away_and_fail_by_what_it_cannot_do() -> None:
+def test_sound_and_led_wait_for_an_offline_base_and_fail_on_unsupported_values() -> None:
     bench = LeafTestBench()
     for leaf in (bench.put(SoundLeaf("sound"), tune="on"), bench.put(Led("led"), colour="red")):
         bench.base.trouble = OFFLINE_ERROR

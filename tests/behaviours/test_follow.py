@@ -66,7 +66,7 @@ def face_at(  # all in degrees
 
 
 @pytest.mark.parametrize("name", ["pan", "tilt", "turn"])
-def test_the_shipped_rules_know_no_side_and_ask_for_more_the_farther_off(values: Mapping[str, Any], name: str) -> None:
+def test_shipped_rules_are_symmetric_and_monotonic(values: Mapping[str, Any], name: str) -> None:
     surface = Controller.from_mapping(name, values[name])
     for rate in map(radians, range(-120, 121, 15)):
         asked = [surface(radians(error), rate) for error in range(-20, 21)]
@@ -92,7 +92,7 @@ def test_a_first_step_starts_from_where_the_head_looks(follower: Follower) -> No
     assert command.head == there
 
 
-def test_a_step_that_takes_no_time_moves_nothing(follower: Follower) -> None:
+def test_follower_step_without_elapsed_time_moves_nothing(follower: Follower) -> None:
     first = look(follower, 1.0, face_at(1.0, 60))
     assert look(follower, 1.0, face_at(1.0, -60)) == first
     assert look(follower, 0.9, face_at(1.0, -60)) == first
@@ -104,14 +104,14 @@ def test_a_late_step_counts_for_no_more_than_the_longest(follower: Follower) -> 
     assert late.pan - first.pan == pytest.approx(LIMITS.speed * MAX_STEP_TIME)
 
 
-def test_after_a_pause_it_starts_from_where_the_head_looks_now(follower: Follower) -> None:
+def test_follower_restarts_from_the_current_head_pose_after_a_pause(follower: Follower) -> None:
     look(follower, 1.0, face_at(1.0, 70))
     moved = HeadPose(radians(-40), 0.0)
     command = follower.step(1.1 + RESTART_TIMEOUT, face_at(1.0, -40), head=moved, base=STILL)
     assert command.head.pan == pytest.approx(moved.pan)
 
 
-def test_the_head_goes_no_faster_than_it_can_and_no_farther_than_its_limits(follower: Follower) -> None:
+def test_head_stays_within_its_speed_and_limits(follower: Follower) -> None:
     poses = [look(follower, n * 0.05, face_at(n * 0.05, 170, 90)) for n in range(40)]
     assert all(abs(b.pan - a.pan) <= LIMITS.speed * 0.05 + 1e-9 for a, b in pairwise(poses))
     assert poses[-1] == HeadPose(LIMITS.pan[1], LIMITS.tilt[1])
@@ -126,7 +126,7 @@ def test_a_face_behind_is_followed_the_shorter_way_round(follower: Follower) -> 
     assert look(follower, 0.0, face_at(0.0, 190), heading=360).pan < 0
 
 
-def test_the_head_is_told_where_the_face_will_be_halfway_to_the_next_step(follower: Follower) -> None:
+def test_head_goal_is_the_predicted_face_half_a_step_ahead(follower: Follower) -> None:
     # Half a second since the frame and half a step to go; a head that trails what moves is sent ahead by that.
     face = face_at(0.0, 0, yaw_rate=20)
     poses = [look(follower, 0.5 + n * 0.05, face) for n in range(30)]
@@ -135,13 +135,13 @@ def test_the_head_is_told_where_the_face_will_be_halfway_to_the_next_step(follow
     assert degrees(poses[-1].pan) == pytest.approx(20 * (now + HEAD_LAG + 0.025) + ahead, abs=0.01)
 
 
-def test_what_the_base_turns_meanwhile_is_taken_off(follower: Follower) -> None:
+def test_head_goal_is_corrected_for_the_turn_of_the_base(follower: Follower) -> None:
     poses = [look(follower, n * 0.05, face_at(n * 0.05, 40), heading=n, turning=20) for n in range(30)]
     trail = degrees(radians(20) ** 2 / (2 * LIMITS.acceleration))
     assert degrees(poses[-1].pan) == pytest.approx(40 - 29 - 20 * (HEAD_LAG + 0.025) - trail, abs=0.01)
 
 
-def test_the_base_stands_while_the_head_is_near_the_middle_and_turns_faster_towards_its_limit(
+def test_base_turn_grows_with_head_pan_outside_the_middle(
     follower: Follower,
 ) -> None:
     turns: list[float] = []
@@ -156,7 +156,7 @@ def test_the_base_stands_while_the_head_is_near_the_middle_and_turns_faster_towa
     assert turns[2] == pytest.approx(-turns[6])
 
 
-def test_the_base_turns_no_faster_than_it_may(rules: RuleBases) -> None:
+def test_base_turn_is_limited_to_max_turn(rules: RuleBases) -> None:
     still = Follower(rules, limits=LIMITS, max_turn=0.0)
     slow = Follower(rules, limits=LIMITS, max_turn=0.3)
     head = HeadPose(radians(80), 0.0)
@@ -164,7 +164,7 @@ def test_the_base_turns_no_faster_than_it_may(rules: RuleBases) -> None:
     assert slow.step(0.0, face_at(0.0, 120), head=head, base=STILL).turn == 0.3
 
 
-def test_a_face_that_is_nowhere_is_refused_and_forgotten(follower: Follower) -> None:
+def test_non_finite_face_is_refused_and_not_kept(follower: Follower) -> None:
     look(follower, 0.0, face_at(0.0, 20))
     with pytest.raises(ValueError, match="not finite: target at nan"):
         look(follower, 0.05, face_at(0.05, math.nan))
@@ -173,7 +173,7 @@ def test_a_face_that_is_nowhere_is_refused_and_forgotten(follower: Follower) -> 
     assert math.isfinite(look(follower, 0.1, face_at(0.1, 20)).pan)
 
 
-def test_rule_bases_that_are_missing_or_for_something_else_are_refused(values: Mapping[str, Any]) -> None:
+def test_missing_or_unsuitable_rule_bases_are_refused(values: Mapping[str, Any]) -> None:
     with pytest.raises(ValueError, match="tilt: there is no input 'pan' for it; there are error, rate"):
         RuleBases.from_mapping({**values, "tilt": values["base"]})
     with pytest.raises(ValueError, match="needs 'pan' to turn a head by, or 'turn' to turn a base by"):
@@ -194,7 +194,7 @@ def test_rule_bases_that_are_missing_or_for_something_else_are_refused(values: M
     start=st.floats(-80, 80),
     ticks=st.lists(st.floats(0.0, 0.1), max_size=20),
 )
-def test_it_never_steps_past_a_face_whatever_the_ticks(
+def test_follower_never_overshoots_the_face_at_any_tick_rate(
     rules: RuleBases, where: float, rate: float, start: float, ticks: list[float]
 ) -> None:
     follower = Follower(rules, limits=LIMITS, max_turn=0.0)
@@ -230,14 +230,14 @@ def test_a_base_without_a_head_turns_to_the_face_faster_the_farther_off(rules: R
     assert turns[-1] == pytest.approx(MAX_TURN)
 
 
-def test_a_base_goes_along_with_a_face_that_it_has_centred(base: Follower) -> None:
+def test_base_keeps_the_rate_of_a_centred_face(base: Follower) -> None:
     face = face_at(1.0, 30, yaw_rate=20)
     heading = 30 + 20 * (MAX_STEP_TIME / 2)
     turn = base.step(1.0, face, head=CENTRE, base=TurnState(radians(heading), radians(20), 1.0 + 0.05)).turn
     assert turn == pytest.approx(radians(20), abs=radians(0.5))
 
 
-def test_a_base_that_is_slow_to_begin_is_told_nothing_twice(rules: RuleBases) -> None:
+def test_base_lag_is_compensated_by_pending_commands(rules: RuleBases) -> None:
     quick, slow = (Follower(rules, limits=None, max_turn=MAX_TURN, lag=LagEstimator(lag, 3.5)) for lag in (0.0, 0.3))
     asked = [[step(each, n * 0.05, face_at(n * 0.05, 15)).turn for n in range(12)] for each in (quick, slow)]
     # What it was told and has not begun yet will turn it: the one that knows so asks for less and less.
@@ -251,7 +251,7 @@ def test_a_base_that_is_slow_to_begin_is_told_nothing_twice(rules: RuleBases) ->
 PD = {"predict": False, "pan": {"p": 2.0, "d": 0.5, "most": 1.5}, "turn": {"p": 2.0, "d": 0.5}}
 
 
-def test_without_prediction_what_counts_is_the_newest_picture_and_what_has_changed_since_the_last() -> None:
+def test_pd_controller_without_prediction_uses_the_newest_picture_and_its_change() -> None:
     follower = Follower(RuleBases.from_mapping(PD), limits=None, max_turn=9.0)
     first = step(follower, 1.0, face_at(0.9, 99, bearing=10))
     assert first.turn == pytest.approx(2.0 * radians(10))
@@ -269,13 +269,13 @@ def test_without_prediction_a_head_may_go_past() -> None:
 
 
 @pytest.mark.parametrize(("edge", "turn"), [(219, 10), (220, 0), (250, 0), (280, 0), (281, -10)])
-def test_the_course_goes_by_the_left_edge_of_the_box(edge: float, turn: float) -> None:
+def test_course_controller_follows_the_left_edge_of_the_box(edge: float, turn: float) -> None:
     rules = RuleBases.from_mapping(load_controller(shipped_files("controllers")["course"]).values)
     follower = Follower(rules, limits=None, max_turn=MAX_TURN)
     assert degrees(step(follower, 1.0, face_at(1.0, 0, edge=edge)).turn) == pytest.approx(turn)
 
 
-def test_what_has_no_face_has_no_edge_to_go_by() -> None:
+def test_course_controller_refuses_targets_without_an_edge() -> None:
     rules = RuleBases.from_mapping(load_controller(shipped_files("controllers")["course"]).values)
     ball = Thing(1, 1.0, Box(1, 1, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, "red ball", "red", "ball")
     with pytest.raises(ValueError, match="the rules go by 'edge', which is not known of this Thing"):
@@ -291,6 +291,6 @@ def test_what_has_no_face_has_no_edge_to_go_by() -> None:
         ({"p": 1.0, "d": 0.0, "i": 1.0}, "pan: a PD controller has no 'i'; known are: p, d, most"),
     ],
 )
-def test_a_pd_controller_that_makes_no_sense_says_why(pan: Mapping[str, Any], message: str) -> None:
+def test_invalid_pd_controller_is_refused_with_a_reason(pan: Mapping[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         RuleBases.from_mapping({"pan": pan})

@@ -45,7 +45,7 @@ def told(bench: LeafTestBench) -> Velocity:
 @pytest.mark.parametrize(
     ("distance", "speed"), [(5.0, 0.3), (1.5, 0.3), (1.3, 0.16), (1.1, 0.0), (1.0, 0.0), (0.4, 0.0)]
 )
-def test_it_drives_the_faster_the_farther_somebody_is_and_never_back(
+def test_follow_person_drives_faster_with_distance_and_never_backwards(
     distance: float, speed: float, rules: RuleBases
 ) -> None:
     bench = LeafTestBench()
@@ -55,7 +55,7 @@ def test_it_drives_the_faster_the_farther_somebody_is_and_never_back(
     assert told(bench).linear == pytest.approx(speed)
 
 
-def test_it_drives_the_slower_the_more_the_head_looks_aside(rules: RuleBases) -> None:
+def test_follow_person_drives_slower_while_the_head_looks_aside(rules: RuleBases) -> None:
     speeds = []
     for pan in (0.0, 0.3, 0.6, 0.9):
         bench = LeafTestBench()
@@ -69,7 +69,7 @@ def test_it_drives_the_slower_the_more_the_head_looks_aside(rules: RuleBases) ->
     assert speeds[-1] == 0.0
 
 
-def test_the_base_turns_after_the_head_as_it_does_for_track_face(rules: RuleBases) -> None:
+def test_follow_person_turns_the_base_after_the_head(rules: RuleBases) -> None:
     bench = LeafTestBench()
     bench.head.reading = good(HeadPose(1.2, 0.0))
     leaf = following(bench, rules)
@@ -86,7 +86,7 @@ def test_the_base_turns_after_the_head_as_it_does_for_track_face(rules: RuleBase
         (replace(STILL, wheel_drop=LEFT), "a wheel has dropped"),
     ],
 )
-def test_what_it_runs_into_fails_it_and_stops_head_and_base(felt: BaseState, reason: str, rules: RuleBases) -> None:
+def test_follow_person_fails_and_stops_head_and_base_on_contact(felt: BaseState, reason: str, rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = following(bench, rules)
     show(bench, 3.0)
@@ -98,7 +98,7 @@ def test_what_it_runs_into_fails_it_and_stops_head_and_base(felt: BaseState, rea
     assert bench.head.commands[-1] == STOP
 
 
-def test_it_slows_down_for_what_the_range_finder_sees_in_its_way_and_stops_before_it(rules: RuleBases) -> None:
+def test_follow_person_slows_down_and_stops_before_obstacles(rules: RuleBases) -> None:
     speeds = []
     for distance in (3.0, 0.5, 0.35, 0.2):
         bench = LeafTestBench()
@@ -113,7 +113,7 @@ def test_it_slows_down_for_what_the_range_finder_sees_in_its_way_and_stops_befor
     assert speeds[3] == 0.0
 
 
-def test_while_the_range_finder_is_silent_it_does_not_drive(rules: RuleBases) -> None:
+def test_follow_person_does_not_drive_while_the_range_finder_is_silent(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = following(bench, rules)
     bench.ranger.reading = none()
@@ -122,7 +122,7 @@ def test_while_the_range_finder_is_silent_it_does_not_drive(rules: RuleBases) ->
     assert told(bench).linear == 0.0
 
 
-def test_a_latched_base_fails_it(rules: RuleBases) -> None:
+def test_follow_person_fails_on_a_latched_base(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = following(bench, rules)
     bench.base.latched = "button 0 was pressed"
@@ -131,7 +131,7 @@ def test_a_latched_base_fails_it(rules: RuleBases) -> None:
     assert leaf.reason == "the base is stopped: button 0 was pressed"
 
 
-def test_without_fresh_reports_of_the_base_it_does_not_drive(rules: RuleBases) -> None:
+def test_follow_person_does_not_drive_without_fresh_odometry(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = following(bench, rules)
     bench.base.reading = stale(STILL)
@@ -140,7 +140,7 @@ def test_without_fresh_reports_of_the_base_it_does_not_drive(rules: RuleBases) -
     assert told(bench).linear == 0.0
 
 
-def test_once_the_person_is_out_of_sight_it_stands_and_then_fails(rules: RuleBases) -> None:
+def test_follow_person_stops_and_then_fails_without_a_face(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = following(bench, rules, patience=1.0)
     show(bench, 3.0)
@@ -153,7 +153,7 @@ def test_once_the_person_is_out_of_sight_it_stands_and_then_fails(rules: RuleBas
     assert bench.base.commands[-1] == STOP
 
 
-def test_it_begins_with_the_one_that_the_mission_names(rules: RuleBases) -> None:
+def test_follow_person_starts_with_the_named_face(rules: RuleBases) -> None:
     bench = LeafTestBench()
     now = bench.clock.now()
     larger, named = face(now, number=1, yaw=0.5), replace(face(now, number=2, yaw=-0.5), distance=1.0)
@@ -173,13 +173,13 @@ def test_a_halt_stops_the_base(rules: RuleBases) -> None:
     assert bench.base.commands[-1] == STOP
 
 
-def test_it_cannot_be_told_to_come_so_near_that_it_bumps_into_people() -> None:
+def test_follow_person_refuses_a_distance_below_the_minimum() -> None:
     with pytest.raises(InvalidFileError, match=r"'distance' must be between 0\.6 m and 5 m"):
         check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.59 m}}\n"), LEAVES, LOOKUPS)
     check_plan(FileSource("m.yaml", "mission: m\ntree: {follow_person: {distance: 0.6 m}}\n"), LEAVES, LOOKUPS)
 
 
-def test_it_fails_once_the_range_guard_has_kept_the_base_from_moving_for_five_seconds(rules: RuleBases) -> None:
+def test_follow_person_fails_after_five_seconds_behind_the_range_guard(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = following(bench, rules)
     because = "something is in the way, 0.1 m ahead"

@@ -22,14 +22,14 @@ def error(path: Callable[[float], float], rate: Callable[[float], float], *, sec
     return degrees(sqrt(sum(off) / len(off)))
 
 
-def test_a_walk_is_foretold_as_it_is() -> None:
+def test_steady_walk_is_predicted_exactly() -> None:
     foresight = MotionPredictor(ABLE)
     for n in range(40):
         found = foresight.predict(n / 20, 0.3 * n / 20, 0.3, AHEAD)
         assert found == pytest.approx((0.3 * (n / 20 + AHEAD), 0.3), abs=radians(0.5))
 
 
-def test_a_swing_that_a_head_can_follow_is_learnt_and_a_walk_would_overshoot_it() -> None:
+def test_slow_swing_is_predicted_better_than_by_a_straight_line() -> None:
     amplitude, omega = radians(10), pi  # once in 2 s
     found = error(lambda t: amplitude * sin(omega * t), lambda t: amplitude * omega * cos(omega * t))
     straight = degrees(amplitude) / sqrt(2) * (omega * AHEAD) ** 2 / 2
@@ -48,7 +48,7 @@ def test_a_swing_too_fast_for_anything_is_not_followed() -> None:
 
 @pytest.mark.parametrize("period", [0.25, 0.4, 0.5])
 @pytest.mark.parametrize("able", [3.5, 7.0])
-def test_what_comes_and_goes_faster_than_anything_can_is_waited_for_in_its_middle(period: float, able: float) -> None:
+def test_too_fast_swing_is_predicted_at_its_middle(period: float, able: float) -> None:
     foresight, omega = MotionPredictor(able), 2 * pi / period
     for n in range(120):
         time, noise = n / 20, radians(0.2) * sin(97.0 * n)
@@ -58,7 +58,7 @@ def test_what_comes_and_goes_faster_than_anything_can_is_waited_for_in_its_middl
             assert degrees(rate) == pytest.approx(0.0, abs=0.1)
 
 
-def test_somebody_who_stood_or_jumped_before_and_walks_off_is_walked_with_at_once() -> None:
+def test_walk_is_predicted_soon_after_standing_or_jumping() -> None:
     for before in (0.0, 12.0):  # degrees; a second before the walk
         foresight, angle, rate = MotionPredictor(ABLE), 0.0, 0.0
         for n in range(87):
@@ -69,13 +69,13 @@ def test_somebody_who_stood_or_jumped_before_and_walks_off_is_walked_with_at_onc
         assert degrees(rate) == pytest.approx(20.0, abs=5.0)
 
 
-def test_noise_of_the_rate_is_smoothed_where_somebody_walks_evenly() -> None:
+def test_rate_noise_of_a_steady_walk_is_smoothed() -> None:
     noise = [radians(8) * (-1) ** n for n in range(200)]
     found = error(lambda t: 0.35 * t, lambda t: 0.35 + noise[round(t * 20)])
     assert found < degrees(radians(8) * AHEAD) * 0.7
 
 
-def test_a_jump_says_nothing_about_how_targets_move() -> None:
+def test_single_jump_does_not_disturb_the_prediction() -> None:
     foresight = MotionPredictor(ABLE)
     for n in range(60):
         angle = foresight.predict(n / 20, 0.0 if n < 40 else 0.4, 0.0, AHEAD)[0]
@@ -91,14 +91,14 @@ def test_the_same_picture_seen_twice_counts_once() -> None:
         assert twice.predict(*seen) == first
 
 
-def test_after_a_long_absence_it_begins_afresh() -> None:
+def test_predictor_restarts_after_a_long_absence() -> None:
     foresight = MotionPredictor(ABLE)
     for n in range(60):
         foresight.predict(n / 20, 0.2 * sin(n), 0.0, AHEAD)
     assert foresight.predict(60.0, 1.0, 0.1, AHEAD) == pytest.approx((1.0 + 0.1 * AHEAD, 0.1), abs=radians(0.5))
 
 
-def test_who_sets_off_is_believed_again_unless_it_may_be_the_camera_that_has() -> None:
+def test_walk_after_jumps_is_trusted_unless_the_camera_turned() -> None:
     rates = {}
     for camera in ((0.0, 0.0), (0.0, radians(3)), (radians(3), 0.0)):
         foresight, rate = MotionPredictor(ABLE), 0.0

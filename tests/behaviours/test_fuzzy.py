@@ -47,7 +47,7 @@ def controller(**changes: Any) -> Controller:
     ],
     ids=["triangle", "trapezoid", "rising shoulder", "falling shoulder", "steep front", "steep end"],
 )
-def test_a_term_has_the_shape_of_its_points(points: Sequence[float], grades: Mapping[float, float]) -> None:
+def test_membership_has_the_shape_of_its_points(points: Sequence[float], grades: Mapping[float, float]) -> None:
     membership = Membership.from_points(points)
     assert {value: membership(value) for value in grades} == grades
 
@@ -92,7 +92,7 @@ def test_values_out_of_reach_are_clamped() -> None:
         ({"left": [0, 1, 2], "right": [1, 2, 2]}, "error: no term covers 0;"),
     ],
 )
-def test_terms_that_make_no_sense_are_named(terms: Mapping[str, float | Sequence[float]], message: str) -> None:
+def test_invalid_fuzzy_terms_are_refused_by_name(terms: Mapping[str, float | Sequence[float]], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         FuzzyVariable.from_points("error", terms)
 
@@ -100,7 +100,7 @@ def test_terms_that_make_no_sense_are_named(terms: Mapping[str, float | Sequence
 # --- inference --------------------------------------------------------------------------------------------------------
 
 
-def test_at_the_peaks_of_its_terms_a_rule_decides_alone() -> None:
+def test_single_rule_decides_at_the_peaks_of_its_terms() -> None:
     surface = controller()
     for row, error in ERROR.items():
         for column, rate in RATE.items():
@@ -131,7 +131,7 @@ def test_a_rule_may_leave_an_input_open() -> None:
     assert surface(0.0, 0.0) == 0.0
 
 
-def test_sentences_say_the_same_as_a_table() -> None:
+def test_rule_sentences_equal_a_rule_table() -> None:
     sentences = [
         f"if error is {row} and rate is {column} then pan is {conclusion}"
         for row in ERROR
@@ -141,7 +141,7 @@ def test_sentences_say_the_same_as_a_table() -> None:
 
 
 @given(values, values)
-def test_what_it_infers_lies_between_its_conclusions(error: float, rate: float) -> None:
+def test_fuzzy_output_lies_between_its_conclusions(error: float, rate: float) -> None:
     assert PAN["back"] <= controller()(error, rate) <= PAN["rush"]
 
 
@@ -173,7 +173,7 @@ SETS = FuzzySets(
         ([("back", 1.0), ("stay", 1.0)], 0.125 / 2.75),
     ],
 )
-def test_mamdani_takes_the_centroid_of_what_the_rules_leave(fired: list[tuple[str, float]], centroid: float) -> None:
+def test_mamdani_returns_the_centroid(fired: list[tuple[str, float]], centroid: float) -> None:
     assert SETS.combine(fired) == pytest.approx(centroid)
 
 
@@ -185,21 +185,21 @@ def test_mamdani_joins_conditions_by_the_least_and_conclusions_of_two_rules_by_t
     assert surface(5.0, 0.0) == output.combine([("back", 0.5), ("on", 0.5), ("rush", 0.25)])
 
 
-def test_sets_of_one_peak_each_mean_their_peak_where_these_are_evenly_apart() -> None:
+def test_evenly_spaced_sets_return_their_peaks() -> None:
     sets = FuzzySets.from_points("pan", {"back": -2.0, "stay": 0.0, "on": 2.0})
     assert [sets.combine([(term, 0.7)]) for term in sets.terms] == pytest.approx([-2.0, 0.0, 2.0])
     shoulder = FuzzySets.from_points("pan", {"stay": [0.0, 1.0, 2.0], "on": [1.0, 2.0]})
     assert shoulder.combine([("on", 1.0)]) == pytest.approx(1.0 + 2 / 3)
 
 
-def test_no_rule_that_fires_is_no_answer() -> None:
+def test_combine_raises_if_no_rule_fires() -> None:
     for output in (SETS, Singletons("pan", PAN)):
         with pytest.raises(ValueError, match="no rule fires"):
             output.combine([(next(iter(output.terms)), 0.0)])
 
 
 @given(values, values)
-def test_mamdani_stays_within_its_sets(error: float, rate: float) -> None:
+def test_mamdani_output_stays_within_its_sets(error: float, rate: float) -> None:
     assert PAN["back"] - 1e-9 <= controller(method="mamdani")(error, rate) <= PAN["rush"] + 1e-9
 
 
@@ -229,7 +229,7 @@ def test_on_single_peaks_with_the_product_a_table_of_the_corners_is_exact(
     assert surface.tabulate(pieces)(*place) == pytest.approx(surface(*place), abs=1e-9)
 
 
-def test_a_surface_that_bends_at_the_corners_only_needs_no_finer_table() -> None:
+def test_multilinear_surface_needs_no_finer_table() -> None:
     surface = controller()
     assert surface.multilinear
     assert surface.tabulate() == surface.tabulate(1)
@@ -246,7 +246,7 @@ def test_two_axes_are_read_as_three_are(at: tuple[float, float]) -> None:
     assert flat(-math.inf, math.inf) == flat(-1e6, 1e6)
 
 
-def test_a_table_that_is_no_grid_is_refused() -> None:
+def test_invalid_lookup_table_is_refused() -> None:
     for axes, heights in (((), ()), (((0.0,),), (1.0,)), (((0.0, 1.0),), (1.0,))):
         with pytest.raises(ValueError, match="cannot have"):
             LookupTable(axes, heights)
@@ -310,7 +310,7 @@ def test_with_min_a_table_comes_close_and_a_finer_one_closer() -> None:
         ),
     ],
 )
-def test_a_controller_that_makes_no_sense_says_why(changes: dict[str, Any], message: str) -> None:
+def test_invalid_controller_is_refused_with_a_reason(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ValueError, match=message) as caught:
         controller(**changes)
     assert str(caught.value).startswith("pan: ")

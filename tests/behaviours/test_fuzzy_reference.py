@@ -105,7 +105,7 @@ def test_sugeno_is_the_mean_weighted_by_scikit_fuzzys_grades(case: Case, joined:
     assert ours(case, conjunction, Singletons("out", heights)) == pytest.approx(expected, abs=1e-9)
 
 
-def test_the_check_would_notice_another_inference() -> None:
+def test_reference_check_detects_a_different_inference() -> None:
     case: Case = (
         {"a": {"a0": [0, 0, 200, 800], "a1": [200, 800, 1000, 1000]}},
         {"o0": [0, 0, 100, 300], "o1": [100, 300, 1000, 1000]},

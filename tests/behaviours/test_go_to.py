@@ -26,7 +26,7 @@ def going(bench: LeafTestBench, x: float, y: float, **arguments: object) -> GoTo
     heading=st.floats(-math.pi, math.pi),
     dead_time=st.sampled_from([0.0, 0.1, 0.2]),
 )
-def test_it_ends_at_the_place_with_the_heading(x: float, y: float, heading: float, dead_time: float) -> None:
+def test_go_to_ends_at_the_goal_with_its_heading(x: float, y: float, heading: float, dead_time: float) -> None:
     bench = LeafTestBench()
     track = Track(going(bench, x, y, heading=heading), bench, dead_time)
     assert track.pass_time(40.0) is SUCCESS
@@ -35,21 +35,21 @@ def test_it_ends_at_the_place_with_the_heading(x: float, y: float, heading: floa
     assert abs(math.remainder(pose.heading - heading, math.tau)) < math.radians(0.5)
 
 
-def test_without_a_heading_it_stays_as_it_came() -> None:
+def test_go_to_without_a_heading_keeps_the_direction_of_arrival() -> None:
     bench = LeafTestBench()
     track = Track(going(bench, 0.5, 0.5), bench)
     assert track.pass_time(20.0) is SUCCESS
     assert math.degrees(track.pose.heading) == pytest.approx(45.0, abs=5.0)
 
 
-def test_where_it_is_already_it_does_not_move() -> None:
+def test_go_to_the_current_pose_does_not_move() -> None:
     bench = LeafTestBench()
     leaf = going(bench, 0.0, 0.0, heading=0.0)
     assert bench.tick(leaf) is SUCCESS
     assert set(bench.base.commands) == {STOP}
 
 
-def test_a_place_behind_it_makes_it_turn_on_the_spot_first() -> None:
+def test_go_to_turns_on_the_spot_to_a_goal_behind() -> None:
     bench = LeafTestBench()
     bench.tick(going(bench, -1.0, 0.1))
     (command,) = bench.base.commands
@@ -58,7 +58,7 @@ def test_a_place_behind_it_makes_it_turn_on_the_spot_first() -> None:
     assert command.angular > 0.5
 
 
-def test_it_takes_the_shorter_way_round_however_often_the_base_has_turned() -> None:
+def test_go_to_turns_the_shorter_way_after_full_turns() -> None:
     bench = LeafTestBench()
     bench.base.reading = good(BaseState(Pose2D(1.0, 0.0, 4 * math.pi + 0.3), STILL))
     leaf = going(bench, 1.0, 0.0, heading=0.0)
@@ -69,7 +69,7 @@ def test_it_takes_the_shorter_way_round_however_often_the_base_has_turned() -> N
     assert command.angular < 0.0
 
 
-def test_it_drives_to_the_place_from_wherever_a_person_has_brought_the_base() -> None:
+def test_go_to_reaches_the_goal_after_teleoperation() -> None:
     bench = LeafTestBench()
     track = Track(going(bench, 1.0, 0.0, heading=0.0), bench)
     track.pass_time(2.0)
@@ -80,7 +80,7 @@ def test_it_drives_to_the_place_from_wherever_a_person_has_brought_the_base() ->
     assert track.pass_time(40.0) is SUCCESS
 
 
-def test_it_fails_at_what_is_in_its_way_and_stops() -> None:
+def test_go_to_fails_and_stops_at_an_obstacle() -> None:
     bench = LeafTestBench()
     leaf = going(bench, 1.0, 0.0)
     bench.tick(leaf)
@@ -90,7 +90,7 @@ def test_it_fails_at_what_is_in_its_way_and_stops() -> None:
     assert bench.base.commands[-1] == STOP
 
 
-def test_a_place_that_it_misses_again_and_again_is_given_up() -> None:
+def test_go_to_fails_after_too_many_misses() -> None:
     bench = LeafTestBench()
     leaf = going(bench, 1.0, 0.0)
     for rolls in (True, False) * MAX_TRIES:  # it was there, but rolls on beyond

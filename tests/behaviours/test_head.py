@@ -41,7 +41,7 @@ class ServoHead(RecordedHead):
         return good(HeadPose(pan, tilt))
 
 
-def test_look_runs_until_the_head_is_there() -> None:
+def test_look_runs_until_the_head_arrives() -> None:
     bench = LeafTestBench()
     leaf = looking(bench)
     assert bench.tick(leaf) is RUNNING
@@ -52,7 +52,7 @@ def test_look_runs_until_the_head_is_there() -> None:
     assert bench.head.commands == [LEFT, LEFT]
 
 
-def test_look_where_it_looks_already_succeeds_at_once() -> None:
+def test_look_at_the_current_pose_succeeds_at_once() -> None:
     bench = LeafTestBench()
     assert bench.tick(looking(bench, HeadPose(0.0, 0.0))) is SUCCESS
 
@@ -86,7 +86,7 @@ def test_a_halt_stops_the_head_once() -> None:
     assert bench.head.commands == [LEFT, STOP]
 
 
-def test_a_head_that_comes_back_is_told_again_where_to_look() -> None:
+def test_look_sends_its_pose_again_after_a_reconnect() -> None:
     bench = LeafTestBench()
     leaf = looking(bench)
     bench.head.trouble = OFFLINE_ERROR
@@ -101,7 +101,7 @@ def test_a_head_that_comes_back_is_told_again_where_to_look() -> None:
     assert bench.head.commands == [LEFT, LEFT]
 
 
-def test_a_pose_that_the_head_refuses_is_a_failure() -> None:
+def test_look_fails_if_the_head_refuses_the_pose() -> None:
     bench = LeafTestBench()
     bench.head.trouble = BadRequest("head: not a finite number")
     leaf = looking(bench)
@@ -110,7 +110,7 @@ def test_a_pose_that_the_head_refuses_is_a_failure() -> None:
     assert bench.head.commands == [STOP]
 
 
-def test_it_looks_anew_after_success_and_after_a_halt() -> None:
+def test_look_starts_again_after_success_and_halt() -> None:
     bench = LeafTestBench()
     leaf = looking(bench)
     bench.head.reading = good(LEFT)
@@ -144,7 +144,7 @@ def test_arrived_means_both_axes() -> None:
     assert not has_arrived(good(HeadPose(0.5, 0.1 - 1.1 * ARRIVAL_TOLERANCE)), goal)
 
 
-def test_a_head_that_sags_under_load_has_arrived_once_it_rests() -> None:
+def test_look_succeeds_once_a_sagging_head_rests() -> None:
     bench = LeafTestBench()
     leaf = looking(bench)
     bench.head.reading = good(HeadPose(LEFT.pan, LEFT.tilt + 0.9 * SAG_TOLERANCE))
@@ -153,7 +153,7 @@ def test_a_head_that_sags_under_load_has_arrived_once_it_rests() -> None:
     assert bench.tick(leaf, after=0.1) is SUCCESS
 
 
-def test_a_head_that_is_held_fast_is_a_failure_that_says_where() -> None:
+def test_look_fails_with_the_pose_of_a_blocked_head() -> None:
     bench = LeafTestBench()
     leaf = looking(bench)
     bench.head.reading = good(HeadPose(0.5, 0.0))
@@ -163,7 +163,7 @@ def test_a_head_that_is_held_fast_is_a_failure_that_says_where() -> None:
     assert bench.head.commands[-1] == STOP
 
 
-def test_a_head_that_is_slow_or_not_heard_of_is_not_stuck() -> None:
+def test_slow_or_silent_head_is_not_stuck() -> None:
     bench = LeafTestBench()
     leaf = looking(bench)
     for step in range(60):
@@ -188,16 +188,14 @@ def pointing(bench: LeafTestBench, x: float, y: float, z: float) -> LookAt:
         ((0.05, 1.0, 2.1), 90.0, -45.0),
     ],
 )
-def test_a_point_is_in_the_direction_in_which_the_camera_sees_it(
-    point: tuple[float, float, float], pan: float, tilt: float
-) -> None:
+def test_pose_towards_points_at_the_camera_target(point: tuple[float, float, float], pan: float, tilt: float) -> None:
     found = pose_towards((0.05, 0.0, 1.1), point)
     assert found is not None
     assert (math.degrees(found.pan), math.degrees(found.tilt)) == pytest.approx((pan, tilt), abs=0.01)
 
 
 @given(st.floats(-1.3, 1.3), st.floats(-1.0, 0.3), st.floats(0.05, 20))
-def test_what_lies_in_a_direction_is_looked_at_in_that_direction(pan: float, tilt: float, far: float) -> None:
+def test_pose_towards_recovers_the_direction_of_a_point(pan: float, tilt: float, far: float) -> None:
     eye = (0.1, -0.05, 0.9)
     ahead = far * math.cos(tilt)
     point = (eye[0] + ahead * math.cos(pan), eye[1] + ahead * math.sin(pan), eye[2] - far * math.sin(tilt))

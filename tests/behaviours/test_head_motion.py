@@ -95,7 +95,7 @@ def test_a_scan_looks_row_by_row_from_the_lowest_to_and_fro() -> None:
     assert (looks.pan, looks.tilt) == pytest.approx((radians(-40), radians(-20)), abs=radians(1.1))
 
 
-def test_a_scan_keeps_within_the_limits_and_to_its_speed() -> None:
+def test_scan_stays_within_its_limits_and_speed() -> None:
     stage = Stage(Scan("scan"), pan=(-pi, pi), tilt=(-pi / 2, pi / 2), step=radians(60), dwell=0.0, speed=radians(30))
     assert stage.run(120) is SUCCESS
     pans, tilts = [place[1] for place in stage.seen], [place[2] for place in stage.seen]
@@ -116,7 +116,7 @@ def test_a_smooth_scan_goes_along_each_row_without_a_halt() -> None:
     assert max(rates) < 60
 
 
-def test_a_smooth_scan_ends_once_a_slow_head_is_where_it_was_told_to_go() -> None:
+def test_smooth_scan_waits_for_a_slow_head_at_the_end() -> None:
     pan, tilt = (radians(-40), radians(40)), (radians(-20), radians(0))
     stage = SlowStage(Scan("scan"), pan=pan, tilt=tilt, rows=2, smooth=True, speed=radians(60))
     while stage.tick() is RUNNING:
@@ -133,7 +133,7 @@ def test_a_scan_of_one_row_and_one_place_is_one_look_in_the_middle() -> None:
     assert stage.seen[-1][2] == pytest.approx(degrees(-0.1), abs=1)
 
 
-def test_a_scan_is_repeated_as_often_as_asked_or_for_ever() -> None:
+def test_scan_repeats_as_often_as_scans_or_forever() -> None:
     area = {"pan": (-0.3, 0.3), "tilt": (-0.1, 0.0), "rows": 1, "dwell": 0.0, "step": 1.0}
     twice = Stage(Scan("scan"), **area, scans=2)
     assert twice.run() is SUCCESS
@@ -149,7 +149,7 @@ def test_a_scan_of_nothing_within_the_limits_fails_before_anything_moves() -> No
 
 
 @pytest.mark.parametrize(("leaf", "axis", "amplitude"), [(Nod("nod"), 2, 8), (ShakeHead("shake_head"), 1, 15)])
-def test_a_gesture_goes_to_both_sides_as_often_as_asked_and_comes_back(leaf: Leaf, axis: int, amplitude: int) -> None:
+def test_head_gesture_goes_to_both_sides_and_returns(leaf: Leaf, axis: int, amplitude: int) -> None:
     stage = Stage(leaf, times=3)
     assert stage.run() is SUCCESS
     assert stage.turning_points(axis) == pytest.approx([amplitude, -amplitude] * 3 + [0], abs=1.1)
@@ -158,7 +158,7 @@ def test_a_gesture_goes_to_both_sides_as_often_as_asked_and_comes_back(leaf: Lea
     assert "2 of 3" in stage.reasons
 
 
-def test_a_gesture_near_a_limit_moves_away_from_it_and_comes_back_to_where_it_was() -> None:
+def test_head_gesture_near_a_limit_moves_away_and_returns() -> None:
     stage = Stage(Nod("nod"), times=1)
     stage.head.look(HeadPose(0.0, radians(20)))
     stage.timeline.run_until(3.0)
@@ -166,7 +166,7 @@ def test_a_gesture_near_a_limit_moves_away_from_it_and_comes_back_to_where_it_wa
     assert stage.turning_points(2) == pytest.approx([4, 20], abs=1.1)
 
 
-def test_a_gesture_that_is_too_quick_for_the_head_takes_longer_and_is_done_whole() -> None:
+def test_too_fast_head_gesture_takes_longer_and_is_complete() -> None:
     stage = Stage(ShakeHead("shake_head"), times=1, amplitude=radians(60), period=0.2)
     assert stage.run() is SUCCESS
     assert stage.turning_points(1)[:2] == pytest.approx([60, -60], abs=1.5)
@@ -184,7 +184,7 @@ def test_a_sweep_is_a_sine_about_where_the_head_looked_and_never_ends() -> None:
     assert stage.leaf.reason.startswith("at ")
 
 
-def test_a_sweep_up_and_down_keeps_within_the_limits_and_to_what_the_head_can() -> None:
+def test_vertical_sweep_stays_within_limits_and_head_speed() -> None:
     stage = Stage(SweepHead("sweep_head"), amplitude=radians(80), period=0.5, vertical=True)
     assert stage.run(10.0) is RUNNING
     points = stage.turning_points(2)
@@ -206,7 +206,7 @@ def test_halted_the_head_comes_to_rest_and_holds(leaf: Leaf) -> None:
 
 
 @pytest.mark.parametrize("leaf", [Scan("scan"), Nod("nod"), ShakeHead("shake_head"), SweepHead("sweep_head")])
-def test_a_head_that_is_not_there_is_waited_for(leaf: Leaf) -> None:
+def test_head_leaves_wait_for_an_offline_head(leaf: Leaf) -> None:
     bench = LeafTestBench()
     bench.put(leaf)
     bench.head.reading = none()
@@ -223,7 +223,7 @@ def test_a_head_that_is_not_there_is_waited_for(leaf: Leaf) -> None:
 
 
 @pytest.mark.parametrize("leaf", [Scan("scan"), Nod("nod"), ShakeHead("shake_head")])
-def test_a_head_that_is_held_fast_is_told(leaf: Leaf) -> None:
+def test_head_leaves_report_a_blocked_head(leaf: Leaf) -> None:
     bench = LeafTestBench()
     bench.put(leaf)
     bench.head.reading = good(HeadPose(0.9, -0.9))

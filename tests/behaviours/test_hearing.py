@@ -15,7 +15,7 @@ def listening(bench: LeafTestBench, *, timeout: float | None = None) -> Listen:
     return bench.put(Listen("listen"), phrases=ANSWERS, timeout=timeout)
 
 
-def test_it_waits_for_a_phrase_and_keeps_it_as_it_is_written() -> None:
+def test_listen_waits_for_a_phrase_and_stores_its_written_form() -> None:
     bench = LeafTestBench()
     leaf = listening(bench)
     assert bench.tick(leaf) is RUNNING
@@ -26,7 +26,7 @@ def test_it_waits_for_a_phrase_and_keeps_it_as_it_is_written() -> None:
     assert (leaf.result, leaf.reason) == ("Yes!", 'heard "yes"')
 
 
-def test_what_was_begun_before_it_started_does_not_count() -> None:
+def test_listen_ignores_phrases_that_began_before_its_start() -> None:
     bench = LeafTestBench()
     leaf = listening(bench)
     bench.hearing.say("yes")
@@ -39,7 +39,7 @@ def test_what_was_begun_before_it_started_does_not_count() -> None:
     assert leaf.result == "No"
 
 
-def test_each_start_listens_anew() -> None:
+def test_listen_starts_again_after_success() -> None:
     bench = LeafTestBench()
     leaf = listening(bench)
     bench.tick(leaf)
@@ -58,7 +58,7 @@ def test_each_start_listens_anew() -> None:
         ([("yes", False), ("go home", True), ("", False)], "heard something else 3 times"),
     ],
 )
-def test_in_the_end_it_says_what_it_heard_instead(said: list[tuple[str, bool]], reason: str) -> None:
+def test_listen_reports_other_phrases_at_its_timeout(said: list[tuple[str, bool]], reason: str) -> None:
     bench = LeafTestBench()
     leaf = listening(bench, timeout=8.0)
     bench.tick(leaf)
@@ -70,7 +70,7 @@ def test_in_the_end_it_says_what_it_heard_instead(said: list[tuple[str, bool]], 
     assert leaf.reason == reason
 
 
-def test_a_robot_that_does_not_hear_says_so_at_once() -> None:
+def test_listen_reports_a_silent_microphone_at_once() -> None:
     bench = LeafTestBench()
     bench.hearing.heard_until = bench.clock.now() - 2.0
     leaf = listening(bench, timeout=1.0)
@@ -91,7 +91,7 @@ def test_heard_succeeds_for_a_while_after_the_phrase() -> None:
     assert bench.tick(leaf, after=0.2) is FAILURE
 
 
-def test_heard_passes_over_other_phrases() -> None:
+def test_heard_ignores_other_phrases() -> None:
     bench = LeafTestBench()
     leaf = bench.put(HeardLeaf("heard"), phrases={"stop": "stop"}, within=5.0)
     bench.hearing.say("stop")
@@ -103,5 +103,5 @@ def test_heard_passes_over_other_phrases() -> None:
     assert (leaf.is_suspended, leaf.reason) == (True, "waiting: the microphone does not report")
 
 
-def test_heard_looks_back_no_further_than_words_are_kept() -> None:
+def test_heard_window_equals_the_age_of_stored_words() -> None:
     assert HeardLeaf.arguments["within"].high == MAX_AGE == listener.MAX_WORD_AGE == twin.MAX_WORD_AGE

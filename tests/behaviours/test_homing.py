@@ -92,7 +92,7 @@ def test_random_docks_take_every_transition_and_no_other(monkeypatch: pytest.Mon
     assert not table.missing
 
 
-def test_the_dock_is_in_the_middle_of_the_headings_at_which_it_was_heard() -> None:
+def test_dock_is_in_the_middle_of_the_headings_with_beams() -> None:
     path = Path(begin(), bearing=2.0)
     path.go(until=HomingStage.AIM)
     assert path.memory.course == pytest.approx(2.0, abs=0.03)
@@ -100,7 +100,7 @@ def test_the_dock_is_in_the_middle_of_the_headings_at_which_it_was_heard() -> No
     assert path.heading == pytest.approx(2.0, abs=0.03)
 
 
-def test_a_dock_that_it_hears_at_once_is_left_first_so_as_to_hear_both_of_its_ends() -> None:
+def test_dock_received_at_the_start_is_left_before_the_sweep() -> None:
     path = Path(begin(), bearing=0.2)
     path.go(until=HomingStage.SEARCH)
     assert path.heading < 0.2 - 0.6
@@ -117,7 +117,7 @@ def test_a_dock_that_it_hears_at_once_is_left_first_so_as_to_hear_both_of_its_en
         (DockBeam.NEAR_RIGHT | DockBeam.NEAR_CENTRE, -1.0),
     ],
 )
-def test_from_beside_the_middle_it_crosses_into_it_and_looks_again(beams: DockBeam, side: float) -> None:
+def test_homing_beside_the_middle_crosses_and_searches_again(beams: DockBeam, side: float) -> None:
     path = Path(begin(), bearing=2.0, beams=beams)
     path.go(until=HomingStage.ASIDE)
     assert path.memory.course == pytest.approx(2.0 + side * math.radians(50), abs=0.03)
@@ -130,7 +130,7 @@ def test_from_beside_the_middle_it_crosses_into_it_and_looks_again(beams: DockBe
     assert path.memory.side == -side
 
 
-def test_with_no_dock_to_be_heard_it_turns_once_round_and_gives_up() -> None:
+def test_homing_without_beams_turns_once_and_fails() -> None:
     path = Path(begin(), beams=DockBeam(0))
     path.go()
     assert path.memory.failure == "no dock beam received in a full turn"
@@ -139,7 +139,7 @@ def test_with_no_dock_to_be_heard_it_turns_once_round_and_gives_up() -> None:
     assert path.velocity == STILL
 
 
-def test_a_report_that_misses_the_beams_does_not_end_the_sweep() -> None:
+def test_short_gap_in_the_beams_does_not_end_the_sweep() -> None:
     path = Path(begin(), bearing=2.0)
     path.go(until=HomingStage.SEARCH)
     while path.memory.first_heading is None:
@@ -151,7 +151,7 @@ def test_a_report_that_misses_the_beams_does_not_end_the_sweep() -> None:
     assert path.memory.course == pytest.approx(2.0, abs=0.03)
 
 
-def test_it_takes_aim_once_more_when_it_comes_near_and_goes_slowly_then() -> None:
+def test_homing_aims_again_near_the_dock_and_slows_down() -> None:
     path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.go(seconds=1.0)
     assert path.velocity.linear == 0.1
@@ -163,7 +163,7 @@ def test_it_takes_aim_once_more_when_it_comes_near_and_goes_slowly_then() -> Non
     assert path.velocity.linear == CONTACT_SPEED
 
 
-def test_a_dock_that_falls_silent_on_the_way_is_looked_for_anew() -> None:
+def test_dock_without_beams_on_the_way_is_searched_again() -> None:
     path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.go(seconds=1.0)
     path.beams = DockBeam(0)
@@ -173,14 +173,14 @@ def test_a_dock_that_falls_silent_on_the_way_is_looked_for_anew() -> None:
     assert path.memory.stage is not HomingStage.DRIVE
 
 
-def test_a_way_that_leads_beside_the_middle_is_left() -> None:
+def test_course_beside_the_middle_is_left() -> None:
     path = Path(begin(HomingStage.DRIVE), bearing=0.0)
     path.beams = DockBeam.FAR_LEFT | DockBeam.FAR_CENTRE
     path.go(until=HomingStage.LEAVE, seconds=1.0)
     assert path.memory.stage is HomingStage.LEAVE
 
 
-def test_one_that_touches_the_dock_beside_its_contacts_backs_off_and_gives_up_in_the_end() -> None:
+def test_contact_beside_the_dock_backs_off_and_finally_fails() -> None:
     path = Path(begin(HomingStage.DRIVE, near=True), bearing=0.0, beams=NEAR)
     for missed in range(1, MAX_TRIES):
         path.go(seconds=TICK, bumper=Sides(centre=True))
@@ -196,7 +196,7 @@ def test_one_that_touches_the_dock_beside_its_contacts_backs_off_and_gives_up_in
 # --- the leaf --------------------------------------------------------------------------------------------------------
 
 
-def test_on_the_dock_it_stops_and_succeeds_once_it_is_sure() -> None:
+def test_dock_stops_and_succeeds_once_contact_is_confirmed() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DockLeaf("dock"))
     leaf.output_variable = "charge"
@@ -208,7 +208,7 @@ def test_on_the_dock_it_stops_and_succeeds_once_it_is_sure() -> None:
     assert bench.run.variables["charge"] == 64.0
 
 
-def test_a_robot_that_docks_by_itself_is_asked_to_and_no_longer_homed() -> None:
+def test_dock_uses_the_dock_action_of_the_robot() -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     leaf = bench.put(DockLeaf("dock"))
@@ -221,7 +221,7 @@ def test_a_robot_that_docks_by_itself_is_asked_to_and_no_longer_homed() -> None:
     assert (leaf.result, bench.base.commands) == (64.0, [STOP])
 
 
-def test_a_topic_or_a_service_called_dock_leaves_it_to_find_the_dock_by_infrared(
+def test_dock_ignores_topics_and_services_named_dock(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bench = LeafTestBench()
@@ -233,7 +233,7 @@ def test_a_topic_or_a_service_called_dock_leaves_it_to_find_the_dock_by_infrared
     assert bench.base.commands != []
 
 
-def test_where_it_does_not_dock_it_fails_with_its_reason() -> None:
+def test_dock_fails_with_the_reason_of_the_dock_action() -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     leaf = bench.put(DockLeaf("dock"))
@@ -243,7 +243,7 @@ def test_where_it_does_not_dock_it_fails_with_its_reason() -> None:
     assert leaf.reason == "/dock: it was aborted"
 
 
-def test_halted_while_it_docks_by_itself_it_cancels_that_and_waits_for_its_end() -> None:
+def test_dock_cancels_its_action_on_halt_and_waits_for_the_end() -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     leaf = bench.put(DockLeaf("dock"))
@@ -255,7 +255,7 @@ def test_halted_while_it_docks_by_itself_it_cancels_that_and_waits_for_its_end()
     assert bench.base.commands[-1] == STOP
 
 
-def test_on_the_dock_it_asks_for_nothing() -> None:
+def test_dock_sends_no_goal_while_on_the_dock() -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     leaf = bench.put(DockLeaf("dock"))
@@ -264,7 +264,7 @@ def test_on_the_dock_it_asks_for_nothing() -> None:
     assert bench.ros2.commands == []
 
 
-def test_contacts_that_meet_for_a_moment_only_are_not_enough() -> None:
+def test_brief_dock_contacts_are_not_enough() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DockLeaf("dock"))
     for docked in (True, False, True, False):
@@ -279,7 +279,7 @@ def test_contacts_that_meet_for_a_moment_only_are_not_enough() -> None:
         ({"wheel_drop": Sides(left=True)}, "a wheel has dropped"),
     ],
 )
-def test_what_it_feels_fails_it(felt: dict[str, Any], reason: str) -> None:
+def test_dock_fails_and_stops_on_contact(felt: dict[str, Any], reason: str) -> None:
     bench = LeafTestBench()
     leaf = bench.put(DockLeaf("dock"))
     bench.tick(leaf)
@@ -289,7 +289,7 @@ def test_what_it_feels_fails_it(felt: dict[str, Any], reason: str) -> None:
     assert bench.base.commands[-1] == STOP
 
 
-def test_a_failure_on_the_way_is_its_reason() -> None:
+def test_dock_reports_the_failure_of_its_homing() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DockLeaf("dock"))
     bench.tick(leaf)
@@ -298,7 +298,7 @@ def test_a_failure_on_the_way_is_its_reason() -> None:
     assert leaf.reason == "no dock beam received in a full turn"
 
 
-def test_after_a_person_has_had_the_wheels_it_looks_for_the_dock_anew() -> None:
+def test_dock_searches_again_after_teleoperation() -> None:
     bench = LeafTestBench()
     leaf = bench.put(DockLeaf("dock"))
     bench.base.reading = good(at(dock=centre(FAR)))

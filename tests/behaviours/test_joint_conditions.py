@@ -22,7 +22,7 @@ def answer(bench: LeafTestBench, leaf: Leaf) -> tuple[object, str]:
     return bench.tick(leaf), leaf.reason
 
 
-def test_joint_at_is_so_within_the_tolerance() -> None:
+def test_joint_at_succeeds_within_the_tolerance() -> None:
     bench = LeafTestBench()
     bench.arm.place({"elbow": math.radians(32)})
     leaf = bench.put(JointAt("joint_at"), joint="elbow", angle=math.radians(30))
@@ -38,7 +38,7 @@ def test_joint_at_is_so_within_the_tolerance() -> None:
     [JointAt("joint_at"), JointHot("joint_hot"), JointLoaded("joint_loaded"), JointMoving("joint_moving")],
     ids=lambda leaf: leaf.tag,
 )
-def test_a_joint_that_does_not_report_is_told_as_such(quality: Quality, leaf: Leaf) -> None:
+def test_joint_conditions_suspend_while_a_joint_is_silent(quality: Quality, leaf: Leaf) -> None:
     bench = LeafTestBench()
     felt = bench.arm.readings["elbow"].value
     bench.arm.readings["elbow"] = none() if quality is Quality.NONE else Reading(felt, 0.0, quality)
@@ -47,7 +47,7 @@ def test_a_joint_that_does_not_report_is_told_as_such(quality: Quality, leaf: Le
     assert leaf.is_suspended
 
 
-def test_a_joint_or_an_angle_that_cannot_be_is_told() -> None:
+def test_joint_conditions_fail_on_unknown_joints_and_angles_outside_limits() -> None:
     bench = LeafTestBench()
     leaf = bench.put(JointAt("joint_at"), joint="hand", angle=0.0)
     assert answer(bench, leaf) == (FAILURE, "the arm has no joint 'hand'")
@@ -57,7 +57,7 @@ def test_a_joint_or_an_angle_that_cannot_be_is_told() -> None:
     assert answer(bench, hot) == (FAILURE, "the arm has no joint or group 'hand'")
 
 
-def test_joint_hot_asks_all_and_keeps_those_that_are() -> None:
+def test_joint_hot_checks_all_joints_and_stores_the_hot_ones() -> None:
     bench = LeafTestBench()
     leaf = bench.put(JointHot("joint_hot"))
     feeling(bench, "elbow", temperature=55.0)
@@ -67,7 +67,7 @@ def test_joint_hot_asks_all_and_keeps_those_that_are() -> None:
     assert leaf.result == ["elbow"]
 
 
-def test_a_hot_joint_is_hot_whatever_others_do_not_say() -> None:
+def test_joint_hot_succeeds_although_other_joints_are_silent() -> None:
     bench = LeafTestBench()
     feeling(bench, "elbow", temperature=61.0)
     bench.arm.readings["shoulder"] = none()

@@ -22,7 +22,7 @@ def test_groups_are_spelt_out_and_each_joint_comes_once() -> None:
     assert REACH.resolve(("neck", "left_arm", "elbows")) == ("neck", "left_elbow", "left_wrist", "right_elbow")
 
 
-def test_every_name_that_means_nothing_is_told_with_what_may_be_meant() -> None:
+def test_unknown_joint_names_are_reported_with_suggestions() -> None:
     with pytest.raises(BadRequest) as caught:
         REACH.resolve(("left_arms", "neck", "tail"))
     assert str(caught.value) == (
@@ -36,7 +36,7 @@ def test_a_group_is_no_joint() -> None:
     ]
 
 
-def test_poses_beyond_the_limits_are_told_once_for_each_joint() -> None:
+def test_limit_violations_are_reported_once_per_joint() -> None:
     poses = [{"neck": 1.0}, {"neck": 1.5, "left_elbow": -2.0}, {"neck": 9.0, "nek": 0.0}]
     assert REACH.limit_violations(poses) == [
         "the arm has no joint 'nek' (did you mean 'neck'?)",
@@ -45,19 +45,19 @@ def test_poses_beyond_the_limits_are_told_once_for_each_joint() -> None:
     ]
 
 
-def test_an_angle_that_is_not_a_number_is_outside() -> None:
+def test_nan_angle_is_a_limit_violation() -> None:
     assert REACH.limit_violations([{"neck": math.nan}]) == [
         "neck at nan deg is outside its limits (-57.3 deg to 57.3 deg)"
     ]
 
 
-def test_speeds_beyond_the_limit_are_told() -> None:
+def test_speed_violations_are_reported() -> None:
     assert REACH.speed_violations({"neck": 2.0, "left_wrist": 3.0}) == [
         "left_wrist at 171.9 deg/s exceeds its maximum speed (114.6 deg/s)"
     ]
 
 
-def test_a_name_that_is_only_partly_alike_is_not_proposed_since_it_would_move() -> None:
+def test_partly_similar_joint_names_are_not_suggested() -> None:
     reach = JointRanges({"elbow": JointLimits(-1.0, 1.0, 1.0), "shoulder_lift": JointLimits(-1.0, 1.0, 1.0)})
     assert reach.missing_joints(["right_elbow", "right_shoulder_roll"]) == [
         "the arm has no joints 'right_elbow', 'right_shoulder_roll'",

@@ -18,7 +18,7 @@ def moving(bench: LeafTestBench, to: dict[str, float], **arguments: object) -> M
 # --- to angles -------------------------------------------------------------------------------------------------------
 
 
-def test_joints_go_to_their_angles_and_the_time_is_kept() -> None:
+def test_move_joints_reaches_its_angles_and_stores_the_time() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"shoulder": 1.0, "elbow": 1.5})
     took = play(bench, leaf)
@@ -29,19 +29,19 @@ def test_joints_go_to_their_angles_and_the_time_is_kept() -> None:
     assert servos.commands == moves(servos)
 
 
-def test_they_go_as_fast_as_they_are_told_to() -> None:
+def test_move_joints_moves_at_the_given_speed() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"elbow": 1.0}, speed=0.5)
     assert play(bench, leaf) == pytest.approx(2.0, abs=0.2)
     assert set(servos.speeds[0].values()) == {0.5}
 
 
-def test_where_they_are_already_it_succeeds_at_once() -> None:
+def test_move_joints_at_its_goal_succeeds_at_once() -> None:
     bench = LeafTestBench()
     assert bench.tick(moving(bench, {"elbow": 0.02})) is SUCCESS
 
 
-def test_every_goal_beyond_a_limit_and_every_speed_is_told_before_anything_moves() -> None:
+def test_move_joints_reports_all_violations_before_any_motion() -> None:
     bench = LeafTestBench()
     leaf = moving(bench, {"elbow": -0.5, "hand": 1.0, "shoulder": 0.0}, speed=2.5)
     assert bench.tick(leaf) is FAILURE
@@ -52,7 +52,7 @@ def test_every_goal_beyond_a_limit_and_every_speed_is_told_before_anything_moves
     assert bench.arm.commands == []
 
 
-def test_a_joint_that_does_not_arrive_is_told_with_how_far_it_is_off_and_is_held() -> None:
+def test_move_joints_reports_a_blocked_joint_and_holds() -> None:
     bench, servos = with_servos()
     servos.stuck = {"elbow"}
     leaf = moving(bench, {"elbow": math.radians(30), "shoulder": 0.5}, patience=1.0)
@@ -63,7 +63,7 @@ def test_a_joint_that_does_not_arrive_is_told_with_how_far_it_is_off_and_is_held
     assert servos.commands[-1] == (HOLD, "elbow", "shoulder")
 
 
-def test_joints_that_do_not_report_are_waited_for() -> None:
+def test_move_joints_waits_for_silent_joints() -> None:
     bench = LeafTestBench()
     bench.arm.readings["elbow"] = none()
     leaf = moving(bench, {"elbow": 1.0})
@@ -73,7 +73,7 @@ def test_joints_that_do_not_report_are_waited_for() -> None:
     assert bench.arm.commands == []
 
 
-def test_a_joint_that_falls_silent_has_not_arrived() -> None:
+def test_move_joints_fails_if_a_joint_falls_silent() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"elbow": 1.0}, patience=0.5)
     tick(bench, leaf, 0.1)
@@ -82,7 +82,7 @@ def test_a_joint_that_falls_silent_has_not_arrived() -> None:
     assert leaf.reason == "elbow does not report"
 
 
-def test_a_lost_arm_is_waited_for_and_told_again_where_to_go() -> None:
+def test_move_joints_sends_its_goal_again_after_a_reconnect() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"elbow": 1.0}, patience=0.5)
     tick(bench, leaf, 0.1)
@@ -95,7 +95,7 @@ def test_a_lost_arm_is_waited_for_and_told_again_where_to_go() -> None:
     assert leaf.status is SUCCESS
 
 
-def test_a_halt_holds_only_the_joints_that_it_moves() -> None:
+def test_move_joints_halt_holds_only_its_joints() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"elbow": 1.0})
     tick(bench, leaf, 0.1)
@@ -103,7 +103,7 @@ def test_a_halt_holds_only_the_joints_that_it_moves() -> None:
     assert servos.commands[-1] == (HOLD, "elbow")
 
 
-def test_a_device_fault_fails_it_and_the_joints_are_held() -> None:
+def test_move_joints_fails_and_holds_on_a_device_fault() -> None:
     bench, servos = with_servos()
     leaf = moving(bench, {"elbow": 1.0})
     tick(bench, leaf, 0.1)
@@ -113,7 +113,7 @@ def test_a_device_fault_fails_it_and_the_joints_are_held() -> None:
     assert servos.commands[-1] == (HOLD, "elbow")
 
 
-def test_it_can_be_done_again() -> None:
+def test_move_joints_can_be_repeated() -> None:
     bench, _ = with_servos()
     leaf = moving(bench, {"elbow": 1.0})
     first = play(bench, leaf)
@@ -131,7 +131,7 @@ def test_torque_off_makes_the_named_joints_limp() -> None:
     assert servos.commands == [(RELAX, "shoulder")]
 
 
-def test_torque_on_makes_all_of_them_stiff_where_they_stand() -> None:
+def test_torque_on_holds_all_joints_where_they_are() -> None:
     bench, servos = with_servos()
     servos.relax()
     servos.turn_by_hand("elbow", 0.7)
@@ -142,7 +142,7 @@ def test_torque_on_makes_all_of_them_stiff_where_they_stand() -> None:
     assert servos.states()["elbow"].value is not None
 
 
-def test_a_joint_that_does_not_become_stiff_is_told() -> None:
+def test_torque_on_reports_a_joint_that_stays_limp() -> None:
     bench, servos = with_servos()
     servos.relax()
     servos.stuck = {"elbow"}
@@ -155,7 +155,7 @@ def test_a_joint_that_does_not_become_stiff_is_told() -> None:
     assert len(told) == pytest.approx(CONFIRMATION_TIMEOUT / RESEND_INTERVAL, abs=1)
 
 
-def test_an_arm_that_is_gone_is_waited_for_as_long_as_it_takes() -> None:
+def test_torque_waits_for_an_offline_arm() -> None:
     bench, servos = with_servos()
     leaf = bench.put(Torque("torque"), stiff=False)
     servos.trouble = OFFLINE_ERROR
@@ -167,7 +167,7 @@ def test_an_arm_that_is_gone_is_waited_for_as_long_as_it_takes() -> None:
     assert servos.commands == [(RELAX, "shoulder", "elbow")]
 
 
-def test_torque_that_is_halted_half_way_leaves_the_joints_stiff() -> None:
+def test_torque_off_halted_halfway_leaves_the_joints_stiff() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Torque("torque"), stiff=False, joints=("elbow",))
     assert bench.tick(leaf) is RUNNING
@@ -176,7 +176,7 @@ def test_torque_that_is_halted_half_way_leaves_the_joints_stiff() -> None:
     assert bench.arm.commands == [(RELAX, "elbow"), (HOLD, "elbow")]
 
 
-def test_torque_off_that_one_servo_does_not_confirm_leaves_the_others_limp() -> None:
+def test_unconfirmed_torque_off_leaves_the_other_joints_limp() -> None:
     bench, servos = with_servos()
     servos.stuck = {"elbow"}
     leaf = bench.put(Torque("torque"), stiff=False)
@@ -186,7 +186,7 @@ def test_torque_off_that_one_servo_does_not_confirm_leaves_the_others_limp() -> 
     assert servos.limp == {joint for joint in servos.limits if joint != "elbow"}
 
 
-def test_torque_of_a_joint_that_is_not_there_fails_and_nothing_is_told() -> None:
+def test_torque_of_an_unknown_joint_fails_without_commands() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Torque("torque"), stiff=False, joints=("elbo",))
     assert bench.tick(leaf) is FAILURE

@@ -95,7 +95,7 @@ class Careless(Leaf):
         return status
 
 
-def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_is_halted() -> None:
+def test_leaf_without_terminate_is_safe_stopped_on_halt() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Careless("careless"), works=gives(RUNNING))
     bench.tick(leaf)
@@ -105,19 +105,19 @@ def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_is_halted() -
 
 
 @pytest.mark.parametrize("works", [gives(FAILURE), fails_with(Boom("no")), gives("nonsense")])
-def test_what_a_leaf_without_a_terminate_drives_is_stopped_when_it_fails(works: Callable[[], Any]) -> None:
+def test_leaf_without_terminate_is_safe_stopped_on_failure(works: Callable[[], Any]) -> None:
     bench = LeafTestBench()
     assert bench.tick(bench.put(Careless("careless"), works=works)) is FAILURE
     assert bench.safe_stops == [BASE]
 
 
-def test_a_leaf_without_a_terminate_that_succeeds_leaves_all_as_it_is() -> None:
+def test_leaf_without_terminate_is_not_stopped_on_success() -> None:
     bench = LeafTestBench()
     assert bench.tick(bench.put(Careless("careless"), works=gives(SUCCESS))) is SUCCESS
     assert bench.safe_stops == []
 
 
-def test_it_starts_again_after_success_failure_and_halt() -> None:
+def test_leaf_restarts_after_success_failure_and_halt() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(SUCCESS, FAILURE, RUNNING, RUNNING))
     bench.tick(leaf)
@@ -139,7 +139,7 @@ def test_elapsed_counts_from_each_start() -> None:
     assert leaf.elapsed == 0.0
 
 
-def test_elapsed_counts_from_the_first_tick_even_where_the_device_was_lost_in_it() -> None:
+def test_elapsed_counts_from_the_first_tick_despite_a_disconnect() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=fails_with(OFFLINE_ERROR))
     bench.tick(leaf)
@@ -147,7 +147,7 @@ def test_elapsed_counts_from_the_first_tick_even_where_the_device_was_lost_in_it
     assert leaf.elapsed == pytest.approx(3.0)
 
 
-def test_a_leaf_may_ask_in_its_own_start_since_when_it_works() -> None:
+def test_started_at_is_available_in_initialise() -> None:
     bench = LeafTestBench()
     asked: list[float] = []
     leaf = bench.put(Puppet(), works=gives(RUNNING, SUCCESS, RUNNING))
@@ -158,7 +158,7 @@ def test_a_leaf_may_ask_in_its_own_start_since_when_it_works() -> None:
     assert leaf.started_at == 107.0
 
 
-def test_a_reason_lasts_only_as_long_as_it_is_given() -> None:
+def test_reason_is_cleared_at_the_next_tick() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet())
     leaf.works = lambda: leaf.wait("for the bus")
@@ -169,7 +169,7 @@ def test_a_reason_lasts_only_as_long_as_it_is_given() -> None:
     assert leaf.reason == ""
 
 
-def test_a_leaf_that_says_nothing_runs_until_it_is_halted() -> None:
+def test_idle_leaf_runs_until_halted() -> None:
     class Idle(Leaf):
         """Do nothing."""
 
@@ -186,7 +186,7 @@ def test_a_leaf_that_says_nothing_runs_until_it_is_halted() -> None:
 @pytest.mark.parametrize(
     ("error", "reason"), [(Boom("too hot"), "Boom: too hot"), (Boom(), "Boom"), (RuntimeError("x"), "RuntimeError: x")]
 )
-def test_a_leaf_that_raises_has_failed_with_its_exception_as_the_reason(
+def test_exception_in_a_leaf_is_a_failure_with_reason_and_traceback(
     caplog: pytest.LogCaptureFixture, error: Exception, reason: str
 ) -> None:
     bench = LeafTestBench()
@@ -202,9 +202,7 @@ def test_a_leaf_that_raises_has_failed_with_its_exception_as_the_reason(
 
 
 @pytest.mark.parametrize("error", [NoReply("base: no answer"), DeviceFault("base: too hot")])
-def test_what_a_device_complains_of_is_a_failure_without_a_traceback(
-    caplog: pytest.LogCaptureFixture, error: Exception
-) -> None:
+def test_device_error_is_a_failure_without_traceback(caplog: pytest.LogCaptureFixture, error: Exception) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=fails_with(error))
     assert bench.tick(leaf) is FAILURE
@@ -212,7 +210,7 @@ def test_what_a_device_complains_of_is_a_failure_without_a_traceback(
     assert caplog.records == []
 
 
-def test_a_leaf_whose_start_raised_is_stopped_and_may_start_again() -> None:
+def test_leaf_that_raised_in_initialise_is_stopped_and_can_restart() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), starts=fails_with(Boom("no")))
     assert bench.tick(leaf) is FAILURE
@@ -223,7 +221,7 @@ def test_a_leaf_whose_start_raised_is_stopped_and_may_start_again() -> None:
 
 
 @pytest.mark.parametrize("nonsense", [None, True, "success", 0, INVALID, [SUCCESS]])
-def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
+def test_leaf_that_returns_no_status_fails(nonsense: object) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(nonsense))
     assert bench.tick(leaf) is FAILURE
@@ -232,7 +230,7 @@ def test_a_leaf_that_returns_no_status_has_failed(nonsense: object) -> None:
 
 
 @pytest.mark.parametrize("status", [RUNNING, SUCCESS, FAILURE])
-def test_a_reason_that_is_no_text_is_shown_as_one(status: Status) -> None:
+def test_reason_that_is_not_text_is_shown_as_text(status: Status) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet())
 
@@ -257,7 +255,7 @@ def test_a_lost_device_is_waited_for_in_update() -> None:
     assert leaf.asked.count("initialise") == 1
 
 
-def test_a_device_that_is_not_there_yet_makes_the_start_wait_and_try_again() -> None:
+def test_initialise_is_retried_until_the_device_is_online() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), starts=fails_with(OFFLINE_ERROR))
     assert [bench.tick(leaf) for _ in range(3)] == [RUNNING] * 3
@@ -269,7 +267,7 @@ def test_a_device_that_is_not_there_yet_makes_the_start_wait_and_try_again() -> 
     assert leaf.elapsed == 0.0
 
 
-def test_a_leaf_halted_in_the_middle_of_its_start_is_stopped_too() -> None:
+def test_leaf_halted_during_initialise_is_stopped() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), starts=fails_with(OFFLINE_ERROR))
     bench.tick(leaf)
@@ -278,9 +276,7 @@ def test_a_leaf_halted_in_the_middle_of_its_start_is_stopped_too() -> None:
 
 
 @pytest.mark.parametrize("status", [SUCCESS, FAILURE])
-def test_what_cannot_be_stopped_politely_is_stopped_by_its_driver(
-    caplog: pytest.LogCaptureFixture, status: Status
-) -> None:
+def test_leaf_that_raises_in_terminate_is_safe_stopped(caplog: pytest.LogCaptureFixture, status: Status) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), works=gives(status), at_end=fails_with(Boom("stuck")))
     assert bench.tick(leaf) is status
@@ -288,7 +284,7 @@ def test_what_cannot_be_stopped_politely_is_stopped_by_its_driver(
     assert "raised while it stopped" in caplog.text
 
 
-def test_a_device_lost_while_it_is_stopped_is_settled_without_a_traceback(caplog: pytest.LogCaptureFixture) -> None:
+def test_device_lost_during_stop_is_safe_stopped_without_traceback(caplog: pytest.LogCaptureFixture) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), at_end=fails_with(OFFLINE_ERROR))
     bench.tick(leaf)
@@ -309,7 +305,7 @@ def test_a_leaf_without_actuators_has_nothing_to_settle() -> None:
     assert bench.safe_stops == []
 
 
-def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.LogCaptureFixture) -> None:
+def test_failed_safe_stop_does_not_end_the_run(caplog: pytest.LogCaptureFixture) -> None:
     bench = LeafTestBench()
     bench.run.safe_stop = lambda claims: fails_with(Boom(f"{sorted(claims)} on fire"))()
     leaf = bench.put(Puppet(), at_end=fails_with(Boom("stuck")))
@@ -319,7 +315,7 @@ def test_a_driver_that_cannot_stop_either_ends_nobody_elses_run(caplog: pytest.L
     assert "its actuators could not be stopped" in caplog.text
 
 
-def test_a_part_that_the_robot_lacks_is_a_failure_that_says_what_to_declare() -> None:
+def test_missing_part_is_a_failure_with_its_name() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet())
     leaf.robot = Robot()
@@ -345,7 +341,7 @@ def test_only_a_running_leaf_is_halted_and_only_once() -> None:
     assert leaf.asked[4:] == ["initialise", "update", SUCCESS]
 
 
-def test_halting_takes_the_ticks_that_it_needs() -> None:
+def test_halt_takes_as_many_ticks_as_the_leaf_needs() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=2)
     bench.tick(leaf)
@@ -355,7 +351,7 @@ def test_halting_takes_the_ticks_that_it_needs() -> None:
     assert bench.safe_stops == []
 
 
-def test_within_one_tick_it_is_asked_once() -> None:
+def test_halting_is_called_once_per_tick() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=1)
     bench.tick(leaf)
@@ -367,7 +363,7 @@ def test_within_one_tick_it_is_asked_once() -> None:
     assert leaf.asked.count("halting") == 2
 
 
-def test_after_its_time_its_actuators_are_stopped_for_it() -> None:
+def test_actuators_are_safe_stopped_after_the_halt_limit() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=1000)
     bench.tick(leaf)
@@ -380,7 +376,7 @@ def test_after_its_time_its_actuators_are_stopped_for_it() -> None:
     assert leaf.status is INVALID
 
 
-def test_a_leaf_may_ask_for_more_time() -> None:
+def test_leaf_can_raise_its_halt_limit() -> None:
     class Ponderous(Puppet):
         """Take your time."""
 
@@ -394,7 +390,7 @@ def test_a_leaf_may_ask_for_more_time() -> None:
     assert bench.halt(leaf, after=0.2)
 
 
-def test_an_exception_while_halting_settles_it(caplog: pytest.LogCaptureFixture) -> None:
+def test_exception_in_halting_ends_the_halt_with_a_safe_stop(caplog: pytest.LogCaptureFixture) -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), halts=fails_with(Boom("stuck")))
     bench.tick(leaf)
@@ -403,7 +399,7 @@ def test_an_exception_while_halting_settles_it(caplog: pytest.LogCaptureFixture)
     assert "raised while it stopped" in caplog.text
 
 
-def test_a_leaf_wanted_again_while_it_stops_comes_to_rest_first_and_starts_afresh() -> None:
+def test_leaf_ticked_while_stopping_comes_to_rest_before_it_restarts() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), still_halting=2)
     bench.tick(leaf)
@@ -449,7 +445,7 @@ def test_arguments_are_declared_with_their_names_and_defaults() -> None:
     assert not hasattr(Poet("p"), "text")
 
 
-def test_a_subclass_adds_to_the_arguments_of_its_base() -> None:
+def test_subclass_adds_to_the_arguments_of_its_base() -> None:
     class Bard(Poet):
         """Sing."""
 
@@ -472,7 +468,7 @@ def test_computed_arguments_are_evaluated_at_each_start() -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError("there is no 'visitor' yet"), LookupError("there is no 'visitor' yet")])
-def test_an_argument_that_cannot_be_computed_fails_the_leaf_before_it_starts(
+def test_failed_argument_evaluation_fails_the_leaf_before_its_start(
     caplog: pytest.LogCaptureFixture, error: Exception
 ) -> None:
     bench = LeafTestBench()
@@ -509,7 +505,7 @@ def test_as_keeps_the_result_of_a_success_only() -> None:
     assert bench.run.variables == {"found": None}
 
 
-def test_as_keeps_what_a_running_leaf_knows_by_now() -> None:
+def test_output_variable_follows_the_result_of_a_running_leaf() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Puppet(), output_variable="seen")
     bench.tick(leaf)
@@ -527,7 +523,7 @@ def test_as_keeps_what_a_running_leaf_knows_by_now() -> None:
 # --- making way ------------------------------------------------------------------------------------------------------
 
 
-def test_what_gives_way_is_at_rest_before_a_leaf_that_drives_something_starts() -> None:
+def test_preempted_leaf_is_at_rest_before_the_next_starts() -> None:
     bench = LeafTestBench()
     slow = bench.put(Puppet("slow"), still_halting=1)
     bench.tick(slow)
@@ -541,7 +537,7 @@ def test_what_gives_way_is_at_rest_before_a_leaf_that_drives_something_starts() 
     assert leaf.asked == ["initialise", "update"]
 
 
-def test_a_leaf_that_still_waits_for_its_turn_has_nothing_to_stop() -> None:
+def test_leaf_waiting_for_preemption_has_nothing_to_stop() -> None:
     bench = LeafTestBench()
     slow = bench.put(Puppet("slow"), still_halting=5)
     bench.tick(slow)
@@ -552,7 +548,7 @@ def test_a_leaf_that_still_waits_for_its_turn_has_nothing_to_stop() -> None:
     assert leaf.asked == []
 
 
-def test_a_leaf_that_drives_nothing_halts_nobody() -> None:
+def test_leaf_without_claims_preempts_no_leaf() -> None:
     class Thinker(Puppet):
         """Think."""
 
@@ -566,7 +562,7 @@ def test_a_leaf_that_drives_nothing_halts_nobody() -> None:
     assert other.status is RUNNING
 
 
-def test_a_wake_up_from_another_thread_arrives() -> None:
+def test_wake_from_another_thread_arrives() -> None:
     bench = LeafTestBench()
     thread = threading.Thread(target=bench.run.wake)
     thread.start()

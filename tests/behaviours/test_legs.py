@@ -44,26 +44,26 @@ keyframes:
 """
 
 
-def test_it_sits_and_stands_and_walks_off_from_the_sit(tmp_path: Path) -> None:
+def test_legs_sit_stand_and_walk_off_from_the_sit(tmp_path: Path) -> None:
     knee = "{joint: left_knee, angle: 108 deg, tolerance: 5 deg}"
     steps = f"    - stand:\n    - sit:\n    - joint_at: {knee}\n    - walk: 20 cm\n"
     assert ran(tmp_path, steps) == ("success", DEAD_RECKONING_REASON)
 
 
 @pytest.mark.parametrize("act", ["stand:", "sit:", "play_gait: stroll"])
-def test_a_base_on_wheels_has_no_legs_for_it(tmp_path: Path, act: str) -> None:
+def test_base_on_wheels_refuses_leg_leaves(tmp_path: Path, act: str) -> None:
     with pytest.raises(InvalidFileError, match="has no legs"):
         ran(tmp_path, f"    - {act}\n", robot="turtlebot2")
 
 
-def test_legs_that_hang_elsewhere_are_not_brought_to_a_stand(tmp_path: Path) -> None:
+def test_stand_fails_from_a_pose_far_from_the_stand(tmp_path: Path) -> None:
     chair = "{left_hip_pitch: 89 deg, right_hip_pitch: 89 deg, left_knee: 109 deg, right_knee: 109 deg}"
     result, reason = ran(tmp_path, f"    - move_joints: {{to: {chair}}}\n    - stand:\n")
     assert result == "failure"
     assert "from where a walk begins" in reason
 
 
-def test_a_gait_is_played_so_often_from_a_stand_to_a_stand(tmp_path: Path) -> None:
+def test_play_gait_runs_its_cycles_between_two_stands(tmp_path: Path) -> None:
     runner = ordered(tmp_path, "    - play_gait: {gait: stroll, cycles: 4}\n")
     result = runner.run()
     assert result.result == "success"
@@ -73,7 +73,7 @@ def test_a_gait_is_played_so_often_from_a_stand_to_a_stand(tmp_path: Path) -> No
     assert runner.twins.pose().x == pytest.approx(3 * 0.12, abs=0.04)  # two steps of 60 mm a cycle, grown and shrunk
 
 
-def test_a_gait_that_is_halted_ends_in_a_stand(tmp_path: Path) -> None:
+def test_halted_play_gait_ends_in_a_stand(tmp_path: Path) -> None:
     steps = "    - play_gait: stroll\n      timeout: 6 s\n"
     runner = ordered(tmp_path, steps)
     assert runner.run().result == "failure"
@@ -88,7 +88,7 @@ def test_a_gait_out_of_reach_is_refused_with_the_joint_before_anything_moves(tmp
     assert "leap: left_knee at" in reason
 
 
-def test_it_gets_up_from_its_face_and_may_be_commanded_again(tmp_path: Path) -> None:
+def test_get_up_from_the_front_enables_the_base(tmp_path: Path) -> None:
     (tmp_path / "up.yaml").write_text(UP)
     steps = f"    - wait: 2 s\n    - fallen:\n    - get_up: {{front: {tmp_path / 'up.yaml'}}}\n    - stand:\n"
     runner = ordered(tmp_path, steps)
@@ -105,7 +105,7 @@ def test_it_gets_up_from_its_face_and_may_be_commanded_again(tmp_path: Path) -> 
         (ON_ITS_SIDE, "front", "it lies on its side"),
     ],
 )
-def test_it_says_why_it_does_not_get_up(tmp_path: Path, found: Attitude, given: str, why: str) -> None:
+def test_get_up_fails_with_its_reason(tmp_path: Path, found: Attitude, given: str, why: str) -> None:
     (tmp_path / "up.yaml").write_text(UP)
     runner = ordered(tmp_path, f"    - wait: 2 s\n    - get_up: {{{given}: {tmp_path / 'up.yaml'}}}\n")
     lying(runner, found, since=1.0, until=9.0)
@@ -114,7 +114,7 @@ def test_it_says_why_it_does_not_get_up(tmp_path: Path, found: Attitude, given: 
     assert why in result.reason
 
 
-def test_one_that_does_not_get_up_fails_and_stays_latched(tmp_path: Path) -> None:
+def test_failed_get_up_leaves_the_base_latched(tmp_path: Path) -> None:
     (tmp_path / "up.yaml").write_text(UP)
     runner = ordered(tmp_path, f"    - wait: 2 s\n    - get_up: {{front: {tmp_path / 'up.yaml'}}}\n")
     lying(runner, ON_ITS_FACE, since=1.0, until=99.0)

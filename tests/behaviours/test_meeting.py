@@ -14,13 +14,13 @@ from missions.plugins.testing.recorders import LeafTestBench, face, good
 HOME = Pose2D(0.0, 0.0, 0.0)
 
 
-def test_somebody_is_known_by_id_wherever_they_have_gone() -> None:
+def test_meeting_recognises_a_face_by_id_in_any_direction() -> None:
     meeting = Meeting.of(face(1.0, number=3, yaw=0.0), HOME)
     assert meeting.is_with(face(2.0, number=3, yaw=2.0), HOME)
 
 
 @pytest.mark.parametrize(("degrees", "same"), [(0, True), (14, True), (-14, True), (16, False), (90, False)])
-def test_somebody_with_a_new_id_is_known_by_the_direction(degrees: float, same: bool) -> None:
+def test_meeting_recognises_a_face_with_a_new_id_by_direction(degrees: float, same: bool) -> None:
     meeting = Meeting.of(face(1.0, number=1, yaw=math.pi), HOME)
     found = face(9.0, number=2, yaw=math.pi + math.radians(degrees) - math.tau)
     assert meeting.is_with(found, HOME) is same
@@ -41,7 +41,7 @@ def see(bench: LeafTestBench, leaf: FindFace, *, number: int, yaw: float) -> Sta
     return bench.tick(leaf)
 
 
-def test_find_face_finds_each_person_once_where_it_is_asked_for_new_ones() -> None:
+def test_find_face_with_new_finds_each_person_once() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), new=True)
     assert see(bench, leaf, number=1, yaw=0.0) is SUCCESS
@@ -50,7 +50,7 @@ def test_find_face_finds_each_person_once_where_it_is_asked_for_new_ones() -> No
     assert see(bench, leaf, number=3, yaw=1.0) is SUCCESS
 
 
-def test_find_face_takes_nobody_for_new_while_the_head_still_turns() -> None:
+def test_find_face_with_new_waits_while_the_head_turns() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), new=True)
     bench.tick(leaf)
@@ -69,14 +69,14 @@ def test_find_face_knows_the_place_from_where_the_base_is_now() -> None:
     assert see(bench, leaf, number=3, yaw=0.0) is SUCCESS
 
 
-def test_find_face_finds_anybody_again_where_it_is_not_asked_for_new_ones() -> None:
+def test_find_face_without_new_finds_a_person_again() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"))
     for _ in range(2):
         assert see(bench, leaf, number=1, yaw=0.0) is SUCCESS
 
 
-def test_face_centred_looks_at_the_face_that_is_named_and_no_other() -> None:
+def test_face_centred_checks_only_the_named_face() -> None:
     bench = LeafTestBench()
     now = bench.clock.now()
     aside, centred = face(now, number=1, bearing=0.4), face(now, number=2)
@@ -90,7 +90,7 @@ def test_face_centred_looks_at_the_face_that_is_named_and_no_other() -> None:
     assert leaf.reason == "no face in view"
 
 
-def test_what_is_no_face_is_refused_as_one() -> None:
+def test_argument_that_is_not_a_face_is_refused() -> None:
     bench = LeafTestBench()
     bench.sight.seen = [face(bench.clock.now())]
     leaf = bench.put(FaceCentred("face_centred"), face="Anna")

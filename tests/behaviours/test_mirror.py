@@ -33,7 +33,7 @@ def couplings(scale: float = 1.0, offset: float = 0.0) -> tuple[Coupling, ...]:
 # --- mirror ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_leaders_become_limp_and_the_driver_leads_the_others() -> None:
+def test_mirror_relaxes_the_leaders_and_couples_the_followers() -> None:
     bench, arm = bench_of_two_arms()
     leaf = mirroring(bench)
     assert tick(bench, leaf, 1.0) is RUNNING
@@ -51,7 +51,7 @@ def test_scale_and_offset_are_for_all_and_can_be_given_by_joint() -> None:
     )
 
 
-def test_followers_that_are_far_off_come_slowly_before_they_are_led() -> None:
+def test_mirror_brings_distant_followers_in_slowly_before_coupling() -> None:
     bench, arm = bench_of_two_arms()
     arm.turn_by_hand("left_elbow", 1.2)
     leaf = mirroring(bench)
@@ -64,7 +64,7 @@ def test_followers_that_are_far_off_come_slowly_before_they_are_led() -> None:
     assert arm.shafts["right_elbow"].position == pytest.approx(1.2, abs=LEADING_TOLERANCE)
 
 
-def test_a_leader_beyond_what_its_follower_can_do_leads_it_to_its_limit() -> None:
+def test_leader_beyond_the_follower_limits_leads_to_the_limit() -> None:
     bench, arm = bench_of_two_arms()
     arm.turn_by_hand("left_elbow", 1.4)
     tick(bench, mirroring(bench, scale=2.0), 3.0)
@@ -72,7 +72,7 @@ def test_a_leader_beyond_what_its_follower_can_do_leads_it_to_its_limit() -> Non
     assert arm.commands[-1] == couplings(2.0)
 
 
-def test_a_halt_leaves_the_followers_where_they_are_and_the_leaders_as_stiff_as_before() -> None:
+def test_mirror_halt_holds_followers_and_restores_leader_torque() -> None:
     bench, arm = bench_of_two_arms()
     arm.relax(["left_elbow"])
     leaf = mirroring(bench)
@@ -117,7 +117,7 @@ def test_after_a_lost_bus_the_followers_are_led_again() -> None:
     assert arm.shafts["right_elbow"].position == pytest.approx(1.0, abs=LEADING_TOLERANCE)
 
 
-def test_a_bus_that_is_gone_when_it_begins_is_waited_for() -> None:
+def test_mirror_waits_for_an_offline_bus() -> None:
     bench, arm = bench_of_two_arms()
     arm.trouble = OFFLINE_ERROR
     leaf = mirroring(bench)
@@ -137,9 +137,7 @@ def test_a_bus_that_is_gone_when_it_begins_is_waited_for() -> None:
         ({"scales": {"left_elbow": -1.0}}, "'left_elbow' has a scale or an offset, and does not follow"),
     ],
 )
-def test_arms_that_do_not_go_together_fail_it_and_nothing_becomes_limp(
-    arguments: dict[str, object], reason: str
-) -> None:
+def test_mirror_of_unlike_arms_fails_and_relaxes_nothing(arguments: dict[str, object], reason: str) -> None:
     bench, arm = bench_of_two_arms()
     leaf = mirroring(bench, **arguments)
     assert bench.tick(leaf) is FAILURE
@@ -148,7 +146,7 @@ def test_arms_that_do_not_go_together_fail_it_and_nothing_becomes_limp(
 
 
 @pytest.mark.parametrize("word", ["mirror", "follow_joint"])
-def test_a_reading_that_goes_stale_within_a_tick_does_no_harm(word: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stale_reading_within_a_tick_is_harmless(word: str, monkeypatch: pytest.MonkeyPatch) -> None:
     bench, arm = bench_of_two_arms()
     leaf = mirroring(bench) if word == "mirror" else following(bench)
     fresh, asked = arm.states, list[float]()
@@ -163,7 +161,7 @@ def test_a_reading_that_goes_stale_within_a_tick_does_no_harm(word: str, monkeyp
     assert len(asked) == round(1.0 / TICK)
 
 
-def test_a_follower_that_has_shut_down_ends_it() -> None:
+def test_limp_follower_fails_mirror() -> None:
     bench, arm = bench_of_two_arms()
     leaf = mirroring(bench)
     tick(bench, leaf, 1.0)
@@ -181,7 +179,7 @@ def following(bench: LeafTestBench, **arguments: object) -> FollowJoint:
     return bench.put(FollowJoint("follow_joint"), **given)
 
 
-def test_a_joint_follows_once_its_leader_was_turned_far_enough() -> None:
+def test_follow_joint_starts_once_the_leader_was_turned() -> None:
     bench, arm = bench_of_two_arms()
     leaf = following(bench, scale=-1.0)
     tick(bench, leaf, 0.5)
@@ -198,7 +196,7 @@ def test_a_joint_follows_once_its_leader_was_turned_far_enough() -> None:
     assert arm.commands[-1] == (HOLD, "right_elbow", "left_elbow")
 
 
-def test_a_joint_that_waits_for_its_leader_may_be_limp() -> None:
+def test_waiting_follower_may_be_limp() -> None:
     bench, arm = bench_of_two_arms()
     arm.relax(["right_elbow"])
     leaf = following(bench)
@@ -209,7 +207,7 @@ def test_a_joint_that_waits_for_its_leader_may_be_limp() -> None:
 
 
 @pytest.mark.parametrize("begun", [True, False])
-def test_after_a_pause_it_waits_again_only_where_it_had_not_begun(begun: bool) -> None:
+def test_follow_joint_waits_after_a_pause_only_if_not_begun(begun: bool) -> None:
     bench, arm = bench_of_two_arms()
     leaf = following(bench)
     tick(bench, leaf, 0.5)
@@ -221,7 +219,7 @@ def test_after_a_pause_it_waits_again_only_where_it_had_not_begun(begun: bool) -
     assert arm.commands[-1] == ((Coupling("left_elbow", "right_elbow"),) if begun else (RELAX, "left_elbow"))
 
 
-def test_joints_that_cannot_follow_are_told_of() -> None:
+def test_follow_joint_refuses_groups_and_self_following() -> None:
     bench, arm = bench_of_two_arms()
     assert bench.tick(following(bench, leader="left_arm")) is FAILURE
     leaf = following(bench, follower="left_elbow")
@@ -258,7 +256,7 @@ class TwoArms:
         return self.right.shafts[joint].advance(self.bench.clock.now())
 
 
-def test_an_arm_leads_another_joint_by_joint_of_one_name() -> None:
+def test_mirror_couples_two_arms_by_joint_name() -> None:
     arms = TwoArms()
     assert arms.tick(1.0) is RUNNING
     assert arms.left.commands == [(RELAX, "elbow", "hand")]
@@ -272,7 +270,7 @@ def test_an_arm_leads_another_joint_by_joint_of_one_name() -> None:
     assert all("follow" not in str(command) for command in arms.right.commands)  # no driver has both
 
 
-def test_a_hand_that_moves_on_is_followed_evenly_and_soon() -> None:
+def test_moving_leader_is_followed_evenly_and_promptly() -> None:
     arms = TwoArms()
     arms.tick(1.0)
     lags = []
@@ -286,7 +284,7 @@ def test_a_hand_that_moves_on_is_followed_evenly_and_soon() -> None:
     assert max(lags) < 0.8 * 3 * TICK  # what the hand goes in three ticks
 
 
-def test_a_halt_leaves_both_arms_as_they_were() -> None:
+def test_mirror_halt_holds_both_arms() -> None:
     arms = TwoArms()
     arms.tick(1.0)
     assert arms.bench.halt(arms.leaf)
@@ -294,7 +292,7 @@ def test_a_halt_leaves_both_arms_as_they_were() -> None:
     assert arms.right.commands[-1] == (HOLD, "elbow", "hand")
 
 
-def test_a_leading_arm_that_falls_silent_leaves_the_other_where_it_is_and_brings_it_over_slowly_later() -> None:
+def test_silent_leader_arm_stops_the_follower_and_resumes_slowly() -> None:
     arms = TwoArms()
     arms.tick(1.0)
     arms.left.silent = {"elbow"}
@@ -320,7 +318,7 @@ def test_after_a_pause_the_leading_arm_is_limp_again() -> None:
     assert arms.left.limp == {"elbow", "hand"}
 
 
-def test_a_gripper_goes_as_far_through_its_range_as_the_leaders() -> None:
+def test_gripper_follows_in_proportion_to_its_range() -> None:
     arms = TwoArms(by_range=("hand",))
     arms.left.turn_by_hand("hand", 0.5)
     arms.tick(4.0)
@@ -336,14 +334,14 @@ def test_a_gripper_goes_as_far_through_its_range_as_the_leaders() -> None:
         ({"leader_arm": None}, "needs leader and follower, or a leader_arm other than the arm that it moves"),
     ],
 )
-def test_two_arms_that_do_not_go_together_fail_it(arguments: dict[str, object], reason: str) -> None:
+def test_mirror_of_two_unlike_arms_fails_without_commands(arguments: dict[str, object], reason: str) -> None:
     arms = TwoArms(**arguments)
     assert arms.bench.tick(arms.leaf) is FAILURE
     assert arms.leaf.reason == reason
     assert (arms.left.commands, arms.right.commands) == ([], [])
 
 
-def test_a_leader_without_a_range_leads_nobody_through_one() -> None:
+def test_leader_without_a_range_fails_by_range_mirroring() -> None:
     arms = TwoArms(by_range=("hand",))
     arms.left.limits = {**arms.left.limits, "hand": JointLimits(0.5, 0.5, speed=2.0)}
     assert arms.bench.tick(arms.leaf) is FAILURE
@@ -351,7 +349,7 @@ def test_a_leader_without_a_range_leads_nobody_through_one() -> None:
     assert (arms.left.commands, arms.right.commands) == ([], [])
 
 
-def test_a_joint_leads_one_of_the_same_name_in_another_arm() -> None:
+def test_follow_joint_couples_equal_names_across_arms() -> None:
     arms = TwoArms()
     given = {"leader": "hand", "follower": "hand", "on": "right_arm", "leader_arm": "arm"}
     leaf = arms.bench.put(FollowJoint("follow_joint"), **given)

@@ -28,7 +28,7 @@ def playing(bench: LeafTestBench, movement: Movement = RISE, **arguments: object
 # --- play ------------------------------------------------------------------------------------------------------------
 
 
-def test_it_comes_slowly_to_the_first_pose_and_then_keeps_the_times() -> None:
+def test_play_move_runs_in_slowly_and_then_keeps_its_times() -> None:
     bench, servos = with_servos()
     leaf = playing(bench)
     took = play(bench, leaf)
@@ -39,12 +39,12 @@ def test_it_comes_slowly_to_the_first_pose_and_then_keeps_the_times() -> None:
     assert max(there - here for here, there in pairwise(run_in)) <= RUN_IN_SPEED * TICK + 1e-9
 
 
-def test_at_half_the_speed_it_takes_twice_as_long_after_the_run_in() -> None:
+def test_play_move_at_half_speed_takes_twice_as_long_after_the_run_in() -> None:
     bench, _ = with_servos()
     assert play(bench, playing(bench, speed=0.5)) == pytest.approx(RUN_IN_TIME + 4.0, abs=3 * TICK)
 
 
-def test_how_well_it_was_followed_is_kept_by_joint() -> None:
+def test_play_move_stores_tracking_errors_by_joint() -> None:
     bench, servos = with_servos()
     servos.short = 0.02
     leaf = playing(bench)
@@ -58,7 +58,7 @@ def test_how_well_it_was_followed_is_kept_by_joint() -> None:
     assert leaf.result["shoulder"].worst == pytest.approx(0.02, abs=0.005)
 
 
-def test_the_run_in_is_no_part_of_what_is_measured() -> None:
+def test_run_in_is_excluded_from_tracking_errors() -> None:
     bench, _ = with_servos()
     leaf = playing(bench)
     tick(bench, leaf, RUN_IN_TIME - 2 * TICK)
@@ -84,7 +84,7 @@ def test_a_movement_beyond_the_limits_fails_before_anything_moves() -> None:
     assert bench.arm.commands == []
 
 
-def test_a_joint_that_does_not_arrive_fails_it() -> None:
+def test_play_move_fails_if_a_joint_does_not_arrive() -> None:
     bench, servos = with_servos()
     servos.stuck = {"elbow"}
     leaf = playing(bench)
@@ -109,7 +109,7 @@ def bend(bench: LeafTestBench, servos: ServoArm, leaf: RecordMove, seconds: floa
         assert bench.tick(leaf, after=TICK) is RUNNING
 
 
-def test_a_recording_that_is_halted_is_written_and_can_be_played(tmp_path: Path) -> None:
+def test_halted_recording_is_written_and_playable(tmp_path: Path) -> None:
     bench, servos = with_servos()
     leaf = recording(bench, tmp_path / "lift", joints=("elbow",))
     bend(bench, servos, leaf)
@@ -123,7 +123,7 @@ def test_a_recording_that_is_halted_is_written_and_can_be_played(tmp_path: Path)
     assert servos.commands == []
 
 
-def test_after_its_duration_it_is_done(tmp_path: Path) -> None:
+def test_recording_succeeds_after_its_duration(tmp_path: Path) -> None:
     bench, servos = with_servos()
     leaf = recording(bench, tmp_path / "lift.yaml", duration=1.0)
     bend(bench, servos, leaf)
@@ -132,7 +132,7 @@ def test_after_its_duration_it_is_done(tmp_path: Path) -> None:
     assert load_gesture(tmp_path / "lift.yaml").joints == {"elbow", "shoulder"}
 
 
-def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
+def test_recording_does_not_overwrite_a_file(tmp_path: Path) -> None:
     bench, _ = with_servos()
     (tmp_path / "lift.yaml").write_text("mine", encoding="utf-8")
     leaf = recording(bench, tmp_path / "lift")
@@ -141,7 +141,7 @@ def test_a_file_that_is_there_is_not_written_over(tmp_path: Path) -> None:
     assert (tmp_path / "lift.yaml").read_text(encoding="utf-8") == "mine"
 
 
-def test_a_file_that_came_meanwhile_is_not_written_over_either(tmp_path: Path) -> None:
+def test_recording_does_not_overwrite_a_file_created_meanwhile(tmp_path: Path) -> None:
     bench, servos = with_servos()
     leaf = recording(bench, tmp_path / "lift", duration=1.0)
     bend(bench, servos, leaf)
@@ -151,7 +151,7 @@ def test_a_file_that_came_meanwhile_is_not_written_over_either(tmp_path: Path) -
     assert (tmp_path / "lift.yaml").read_text(encoding="utf-8") == "mine"
 
 
-def test_a_folder_that_is_not_there_fails_it(tmp_path: Path) -> None:
+def test_recording_into_a_missing_folder_fails(tmp_path: Path) -> None:
     bench, servos = with_servos()
     leaf = recording(bench, tmp_path / "none" / "lift", duration=0.5)
     bend(bench, servos, leaf, 0.5)
@@ -159,7 +159,7 @@ def test_a_folder_that_is_not_there_fails_it(tmp_path: Path) -> None:
     assert "cannot be written" in leaf.reason
 
 
-def test_when_nothing_has_moved_there_is_no_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_recording_without_motion_writes_no_file(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     bench, _ = with_servos()
     leaf = recording(bench, tmp_path / "still")
     tick(bench, leaf, 1.0)
@@ -168,7 +168,7 @@ def test_when_nothing_has_moved_there_is_no_file(tmp_path: Path, caplog: pytest.
     assert "no joint moved during the recording" in caplog.text
 
 
-def test_joints_that_fall_silent_end_it_without_a_file(tmp_path: Path) -> None:
+def test_recording_fails_without_a_file_if_joints_fall_silent(tmp_path: Path) -> None:
     bench, servos = with_servos()
     leaf = recording(bench, tmp_path / "lift")
     bend(bench, servos, leaf)
@@ -178,7 +178,7 @@ def test_joints_that_fall_silent_end_it_without_a_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_joints_that_are_not_there_are_told(tmp_path: Path) -> None:
+def test_recording_of_unknown_joints_fails(tmp_path: Path) -> None:
     bench, _ = with_servos()
     leaf = recording(bench, tmp_path / "lift", joints=("elbo",))
     assert bench.tick(leaf) is FAILURE
@@ -188,11 +188,11 @@ def test_joints_that_are_not_there_are_told(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "file"), [("a", "a.yaml"), ("a.b", "a.b.yaml"), ("a.yml", "a.yml"), (" a ", "a.yaml")]
 )
-def test_the_name_of_a_new_move_becomes_that_of_a_file(name: str, file: str) -> None:
+def test_new_move_name_becomes_a_file_name(name: str, file: str) -> None:
     assert NewMoveFile(name).path == Path(file)
 
 
 @pytest.mark.parametrize("name", ["", " ", "/", "."])
-def test_what_names_no_file_is_refused(name: str) -> None:
+def test_invalid_move_file_name_is_refused(name: str) -> None:
     with pytest.raises(LookupError, match="needs the name of a new file"):
         NewMoveFile(name)

@@ -34,7 +34,7 @@ def named(bench: LeafTestBench, name: str, *, number: int = 1, yaw: float = 0.0,
 
 
 @pytest.mark.parametrize(("whose", "found"), [("", 1), ("Anna", 2), ("ANNA", 2), (UNKNOWN, 3), ("Chidi", None)])
-def test_face_seen_asks_for_a_name_however_it_is_capitalised(whose: str, found: int | None) -> None:
+def test_face_seen_matches_names_case_insensitively(whose: str, found: int | None) -> None:
     bench = LeafTestBench()
     faces = [named(bench, "Ben"), named(bench, "Anna", number=2), named(bench, UNKNOWN, number=3)]
     bench.sight.seen = [*faces, named(bench, "", number=4)]
@@ -44,7 +44,7 @@ def test_face_seen_asks_for_a_name_however_it_is_capitalised(whose: str, found: 
     assert found is not None or leaf.reason == "no face of Chidi in view"
 
 
-def test_a_stranger_who_is_not_there_is_missed_in_words() -> None:
+def test_face_seen_reports_a_missing_stranger() -> None:
     bench = LeafTestBench()
     bench.sight.seen = [named(bench, "Ben")]
     leaf = bench.put(FaceSeenLeaf("face_seen"), person_name=UNKNOWN)
@@ -53,7 +53,7 @@ def test_a_stranger_who_is_not_there_is_missed_in_words() -> None:
 
 
 @pytest.mark.parametrize(("nearer", "status"), [(None, SUCCESS), (2.0, SUCCESS), (1.2, FAILURE)])
-def test_face_seen_asks_how_near(nearer: float | None, status: object) -> None:
+def test_face_seen_checks_the_distance(nearer: float | None, status: object) -> None:
     bench = LeafTestBench()
     bench.sight.seen = [named(bench, "Ben", distance=1.5)]
     assert bench.tick(bench.put(FaceSeenLeaf("face_seen"), nearer=nearer)) is status
@@ -69,14 +69,14 @@ def test_faces_are_counted_and_centred_by_name() -> None:
     assert centred.result == bench.sight.seen[1]
 
 
-def test_the_nodes_own_name_is_left_alone() -> None:
+def test_node_name_is_independent_of_the_person_name() -> None:
     leaf = FaceSeenLeaf("wait for Anna")
     assert (leaf.name, leaf.person_name) == ("wait for Anna", "")
     assert FaceSeenLeaf.arguments["name"].attribute == "person_name"
     assert {"pan", "scans", "new", "name"} <= set(FindFace.arguments)
 
 
-def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
+def test_search_stays_on_a_face_until_identified() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FindFace("find_face"), person_name="Anna", pause=0.2)
     for _ in range(round(NAME_TIMEOUT / 0.05) - 4):
@@ -87,7 +87,7 @@ def test_a_search_stays_on_a_face_until_it_is_decided_whose_it_is() -> None:
     assert bench.tick(leaf) is SUCCESS
 
 
-def test_a_search_goes_on_from_a_face_that_is_never_decided_or_is_anothers() -> None:
+def test_search_continues_past_unidentified_and_other_faces() -> None:
     for name, seconds in (("", NAME_TIMEOUT + 0.5), ("Ben", 0.5)):
         bench = LeafTestBench()
         leaf = bench.put(FindFace("find_face"), person_name="Anna", pause=0.2)
@@ -97,7 +97,7 @@ def test_a_search_goes_on_from_a_face_that_is_never_decided_or_is_anothers() -> 
         assert len(set(map(str, bench.head.commands))) > 1, name
 
 
-def test_identify_waits_until_it_is_decided_and_keeps_the_face() -> None:
+def test_identify_waits_for_a_decision_and_stores_the_face() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Identify("identify"))
     bench.sight.seen = [named(bench, "")]
@@ -108,7 +108,7 @@ def test_identify_waits_until_it_is_decided_and_keeps_the_face() -> None:
     assert leaf.result == bench.sight.seen[0]
 
 
-def test_identify_gives_up_when_the_face_has_gone() -> None:
+def test_identify_fails_when_the_face_is_gone() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Identify("identify"), face=named(bench, "", number=1))
     ticks = 0
@@ -138,7 +138,7 @@ def test_a_name_outlasts_the_id_of_a_face(name: str, kept: str, same: bool, poss
     assert is_same_person(replace(now, id=1), before)
 
 
-def test_who_was_met_is_known_by_name_before_the_place() -> None:
+def test_meeting_compares_names_before_directions() -> None:
     bench = LeafTestBench()
     meeting = Meeting.of(named(bench, "Anna", yaw=0.0), HOME)
     assert meeting.is_with(named(bench, "Anna", number=2, yaw=2.0), HOME)
@@ -148,7 +148,7 @@ def test_who_was_met_is_known_by_name_before_the_place() -> None:
     assert not meeting.is_with(named(bench, "", number=5, yaw=1.0), HOME)
 
 
-def test_track_face_takes_up_nobody_who_is_known_to_be_another() -> None:
+def test_track_face_rejects_faces_with_another_name() -> None:
     leaf = TrackFace("track_face")
     bench = LeafTestBench()
     anna, ben, somebody = (named(bench, name, number=n) for n, name in enumerate(("Anna", "Ben", ""), start=1))

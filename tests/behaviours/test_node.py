@@ -43,7 +43,7 @@ def statuses(root: py_trees.behaviour.Behaviour) -> list[Status]:
 # --- news ------------------------------------------------------------------------------------------------------------
 
 
-def test_only_news_is_told() -> None:
+def test_observer_receives_only_status_changes() -> None:
     bench = LeafTestBench()
     leaf = pretend(bench, RUNNING, RUNNING, SUCCESS, SUCCESS, FAILURE)
     for _ in range(5):
@@ -51,7 +51,7 @@ def test_only_news_is_told() -> None:
     assert bench.status_changes == [("pretend", RUNNING), ("pretend", SUCCESS), ("pretend", FAILURE)]
 
 
-def test_the_observer_sees_the_new_status_and_its_reason() -> None:
+def test_observer_receives_the_new_status_and_reason() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Fail("fail"), because="too dark")
     seen: list[tuple[Status, str]] = []
@@ -60,13 +60,13 @@ def test_the_observer_sees_the_new_status_and_its_reason() -> None:
     assert seen == [(FAILURE, "too dark")]
 
 
-def test_a_node_works_though_nobody_watches() -> None:
+def test_node_works_without_an_observer() -> None:
     bench = LeafTestBench()
     bench.run.observer = None
     assert bench.tick(bench.put(Succeed("ok"))) is SUCCESS
 
 
-def test_a_reset_forgets_the_result_and_its_reason_and_is_told_once() -> None:
+def test_reset_clears_status_and_reason_and_notifies_once() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Fail("fail"), because="too dark")
     bench.tick(leaf)
@@ -85,7 +85,7 @@ def test_a_reset_reaches_down_to_the_leaves() -> None:
     assert statuses(root) == [INVALID, INVALID, INVALID]
 
 
-def test_a_composite_that_starts_again_forgets_all_below_it_before_its_first_child_works() -> None:
+def test_restarted_composite_resets_its_children_first() -> None:
     bench = LeafTestBench()
     root = sequence(bench, bench.put(Succeed("a")), sequence(bench, bench.put(Succeed("b")), name="inner"))
     bench.tick(root)
@@ -95,7 +95,7 @@ def test_a_composite_that_starts_again_forgets_all_below_it_before_its_first_chi
     assert bench.status_changes[:4] == [("a", INVALID), ("b", INVALID), ("inner", INVALID), ("a", SUCCESS)]
 
 
-def test_a_composite_claims_what_its_leaves_drive() -> None:
+def test_composite_claims_the_claims_of_its_leaves() -> None:
     bench = LeafTestBench()
     root = sequence(bench, bench.put(DriveLeaf("drive"), distance=1.0), bench.put(Succeed("ok")))
     assert root.claims == {"base"}
@@ -113,7 +113,7 @@ def test_py_trees_ticks_a_leaf() -> None:
     assert leaf.status is SUCCESS
 
 
-def test_py_trees_ticks_our_composites_and_passes_by_the_nodes_that_had_a_say() -> None:
+def test_py_trees_tick_yields_the_ticked_nodes() -> None:
     bench = LeafTestBench()
     done, busy, later = bench.put(Succeed("a")), bench.put(Wait("b"), duration=1.0), bench.put(Succeed("c"))
     root = sequence(bench, done, busy, later)
@@ -145,7 +145,7 @@ def test_py_trees_stop_of_an_ended_leaf_stops_nothing() -> None:
     assert statuses(leaf) == [INVALID]
 
 
-def test_py_trees_stop_does_not_ask_again_so_what_takes_time_is_brought_to_rest() -> None:
+def test_py_trees_stop_safe_stops_slow_leaves() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Slow("slow"))
     root = sequence(bench, leaf)

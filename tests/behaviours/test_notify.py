@@ -12,7 +12,7 @@ from missions.executive.stream import EventStream
 from missions.plugins.testing.recorders import LeafTestBench
 
 
-def test_notify_tells_whoever_watches_and_succeeds_at_once() -> None:
+def test_notify_calls_the_callback_and_succeeds_at_once() -> None:
     bench = LeafTestBench()
     told: list[str] = []
     bench.run.notify = told.append
@@ -22,14 +22,14 @@ def test_notify_tells_whoever_watches_and_succeeds_at_once() -> None:
     assert leaf.reason == "Ana has the message"
 
 
-def test_where_nobody_watches_it_is_logged(caplog: pytest.LogCaptureFixture) -> None:
+def test_notify_without_a_callback_writes_to_the_log(caplog: pytest.LogCaptureFixture) -> None:
     bench = LeafTestBench()
     with caplog.at_level(logging.INFO, logger="missiontree"):
         bench.tick(bench.put(Notify("notify"), text="done"))
     assert [record.message for record in caplog.records] == ["notice: done"]
 
 
-def test_in_a_run_it_is_an_event() -> None:
+def test_notify_in_a_run_is_an_event() -> None:
     bench = LeafTestBench()
     heard: list[Event] = []
     leaf = bench.put(Notify("notify"), text="done")

@@ -26,7 +26,7 @@ def marker(bench: LeafTestBench, number: int, name: str = "", *, age: float = 0.
     return Marker(**common_fields(seen), number=number, name=name, heading=0.0)
 
 
-def test_an_object_that_was_asked_for_is_seen_and_kept() -> None:
+def test_object_seen_finds_and_stores_the_requested_object() -> None:
     bench = LeafTestBench()
     bench.sight.found = [thing(bench, "blue box", number=1), thing(bench, number=2), thing(bench, number=3)]
     leaf = bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL, output_variable="ball")
@@ -41,7 +41,7 @@ def test_an_object_seen_too_long_ago_does_not_count(age: float, status: object) 
     assert bench.tick(bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL)) is status
 
 
-def test_within_says_how_long_ago_still_counts() -> None:
+def test_object_seen_within_sets_the_maximum_age() -> None:
     bench = LeafTestBench()
     bench.sight.found = [thing(bench, age=2.0)]
     assert bench.tick(bench.put(ObjectSeenLeaf("object_seen"), what=RED_BALL, within=3.0)) is SUCCESS
@@ -54,7 +54,7 @@ def test_within_says_how_long_ago_still_counts() -> None:
         (RobotSeenLeaf("robot_seen"), "no robot in view"),
     ],
 )
-def test_what_is_not_in_view_is_a_failure_with_its_reason(leaf: Leaf, reason: str) -> None:
+def test_object_and_robot_conditions_fail_with_their_reason(leaf: Leaf, reason: str) -> None:
     bench = LeafTestBench()
     bench.put(leaf, what=RED_BALL)
     assert bench.tick(leaf) is FAILURE
@@ -67,7 +67,7 @@ def test_what_is_not_in_view_is_a_failure_with_its_reason(leaf: Leaf, reason: st
 @pytest.mark.parametrize(
     ("which", "seen"), [("", 3), ("7", 7), (" 7 ", 7), ("R2", 7), ("3", 3), ("8", None), ("Ann", None)]
 )
-def test_a_robot_is_meant_by_number_by_name_or_not_at_all(which: str, seen: int | None) -> None:
+def test_robot_seen_matches_by_number_or_name_or_any(which: str, seen: int | None) -> None:
     bench = LeafTestBench()
     bench.sight.marked = [marker(bench, 3), marker(bench, 7, "R2")]
     leaf = bench.put(RobotSeenLeaf("robot_seen"), which=which)
@@ -77,7 +77,7 @@ def test_a_robot_is_meant_by_number_by_name_or_not_at_all(which: str, seen: int 
 
 
 @pytest.mark.parametrize("leaf", [FindObject("find_object"), FindRobot("find_robot")])
-def test_a_search_goes_on_until_the_right_one_is_in_view(leaf: Leaf) -> None:
+def test_search_continues_until_the_requested_target_is_in_view(leaf: Leaf) -> None:
     bench = LeafTestBench()
     bench.put(leaf, what=RED_BALL, which="7", output_variable="it")
     bench.sight.found, bench.sight.marked = [thing(bench, "blue box")], [marker(bench, 3)]
@@ -93,7 +93,7 @@ def test_a_search_goes_on_until_the_right_one_is_in_view(leaf: Leaf) -> None:
 
 
 @pytest.mark.parametrize(("leaf", "noun"), [(FindObject("find_object"), "object"), (FindRobot("find_robot"), "robot")])
-def test_a_search_ends_after_its_scans(leaf: Leaf, noun: str) -> None:
+def test_search_fails_after_its_scans(leaf: Leaf, noun: str) -> None:
     bench = LeafTestBench()
     bench.put(leaf, what=RED_BALL, pan=(-0.4, 0.4), tilt=(0.0, 0.0), step=0.4, scans=1)
     status: object = RUNNING

@@ -68,7 +68,7 @@ def cancels(bench: LeafTestBench) -> int:
 
 @pytest.mark.parametrize("tick", [0.05, 0.1, 1.0])
 @pytest.mark.parametrize(("leaf", "arguments"), [*AGAIN, (Ros2Action, {"action": "/drive"})])
-def test_an_action_of_ros_2_is_cancelled_when_its_leaf_is_not_ticked(
+def test_ros2_action_is_cancelled_if_its_leaf_is_not_ticked(
     leaf: type[Leaf], arguments: dict[str, object], tick: float, bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
@@ -94,7 +94,7 @@ class SensorGuard(Leaf):
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
-def test_a_silent_sensor_stops_the_base_that_ros_2_drives_behind_a_guard(
+def test_silent_sensor_guard_cancels_the_ros2_action(
     leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     guard, drives = bench.put(SensorGuard("free")), bench.put(leaf(leaf.tag), **arguments)
@@ -113,7 +113,7 @@ def test_a_silent_sensor_stops_the_base_that_ros_2_drives_behind_a_guard(
 
 @pytest.mark.parametrize("end", [GoalState.CANCELLED, GoalState.FAILED])
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
-def test_a_cancelled_action_begins_again_once_it_has_ended(
+def test_cancelled_ros2_action_restarts_after_its_end(
     leaf: type[Leaf], arguments: dict[str, object], end: GoalState, bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
@@ -145,7 +145,7 @@ def test_an_action_of_any_kind_is_not_repeated(bench: LeafTestBench) -> None:
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), [*AGAIN, (Ros2Action, {"action": "/drive"})])
-def test_an_action_that_reaches_its_end_before_the_cancel_does_not_begin_again(
+def test_ros2_action_finished_before_the_cancel_is_not_restarted(
     leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
@@ -163,7 +163,7 @@ def test_an_action_that_reaches_its_end_before_the_cancel_does_not_begin_again(
         (Progress(GoalState.CANCELLING), "has not ended"),
     ],
 )
-def test_an_action_that_does_not_end_after_its_cancel_fails(
+def test_ros2_action_that_outlives_its_cancel_fails(
     leaf: type[Leaf], arguments: dict[str, object], comes: Progress, said: str, bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
@@ -175,7 +175,7 @@ def test_an_action_that_does_not_end_after_its_cancel_fails(
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
-def test_a_base_that_is_latched_meanwhile_begins_nothing_again(
+def test_base_latched_during_a_pause_fails_the_action(
     leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
@@ -186,7 +186,7 @@ def test_a_base_that_is_latched_meanwhile_begins_nothing_again(
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), AGAIN)
-def test_a_node_that_has_gone_meanwhile_is_waited_for(
+def test_ros2_node_lost_during_a_pause_is_waited_for(
     leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     it = begun(bench, leaf, arguments)
@@ -200,7 +200,7 @@ def test_a_node_that_has_gone_meanwhile_is_waited_for(
     assert cancels(bench) == 1
 
 
-def test_go_to_does_not_drive_by_itself_where_nav2_has_gone(bench: LeafTestBench) -> None:
+def test_go_to_fails_instead_of_driving_once_nav2_is_gone(bench: LeafTestBench) -> None:
     it = begun(bench, GoTo, {"x": 1.0, "y": 1.0})
     stands_still(bench, it, 1.0)
     bench.ros2.goal_progress, bench.ros2.nav2 = CANCELLED, False
@@ -217,7 +217,9 @@ MOVES: tuple[tuple[type[Leaf], dict[str, object]], ...] = (
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), MOVES)
-def test_joints_that_move_are_held(leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench) -> None:
+def test_moving_joints_are_held_during_a_pause(
+    leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
+) -> None:
     it = begun(bench, leaf, arguments)
     bench.arm.commands.clear()
     stands_still(bench, it, 0.1)
@@ -229,7 +231,7 @@ def test_joints_that_move_are_held(leaf: type[Leaf], arguments: dict[str, object
     assert len(bench.arm.commands) == 2  # it goes on
 
 
-def test_joints_that_were_made_limp_stay_limp(bench: LeafTestBench) -> None:
+def test_limp_joints_stay_limp_during_a_pause(bench: LeafTestBench) -> None:
     bench.arm.place({"elbow": 0.0})
     it = begun(bench, Torque, {"stiff": False, "joints": ("elbow",)})
     bench.arm.commands.clear()
@@ -248,7 +250,7 @@ HEADS: tuple[tuple[Callable[..., Leaf], dict[str, object]], ...] = (
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), HEADS)
-def test_a_head_stops_and_its_leaf_goes_on(
+def test_head_stops_during_a_pause_and_resumes(
     leaf: type[Leaf], arguments: dict[str, object], bench: LeafTestBench
 ) -> None:
     bench.head.reading = good(HeadPose(0.0, 0.0))
@@ -269,7 +271,7 @@ def test_a_nod_makes_up_for_a_pause(bench: LeafTestBench) -> None:
     assert it.feedback_message == "1 of 2"
 
 
-def test_a_leaf_of_somebody_else_that_says_nothing_of_pauses_is_brought_to_rest(bench: LeafTestBench) -> None:
+def test_plugin_leaf_without_on_pause_is_safe_stopped(bench: LeafTestBench) -> None:
     class Wave(Leaf):
         """Wave."""
 
@@ -284,7 +286,7 @@ def test_a_leaf_of_somebody_else_that_says_nothing_of_pauses_is_brought_to_rest(
     assert bench.safe_stops == [frozenset({"arm"})] * 2
 
 
-def test_a_pause_that_raises_brings_everything_to_rest(bench: LeafTestBench) -> None:
+def test_exception_in_on_pause_safe_stops_the_leaf(bench: LeafTestBench) -> None:
     class Broken(Leaf):
         """Wave."""
 
@@ -300,7 +302,7 @@ def test_a_pause_that_raises_brings_everything_to_rest(bench: LeafTestBench) -> 
     assert bench.tick(it) is RUNNING
 
 
-def test_a_leaf_that_suspends_itself_is_brought_to_rest(bench: LeafTestBench) -> None:
+def test_suspended_leaf_is_safe_stopped(bench: LeafTestBench) -> None:
     class Feeling(Leaf):
         """Reach for something that is felt."""
 

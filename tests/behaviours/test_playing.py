@@ -36,7 +36,7 @@ def sampled(playing: KeyframeMotion, count: int = 400) -> list[tuple[float, Mapp
 
 
 @given(starts, gestures(), paces, ways)
-def test_no_joint_is_ever_asked_to_go_faster_than_it_can(
+def test_gesture_never_exceeds_joint_speeds(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
     pace: float,
@@ -49,7 +49,7 @@ def test_no_joint_is_ever_asked_to_go_faster_than_it_can(
 
 
 @given(starts, gestures(), paces, ways)
-def test_it_passes_through_every_keyframe_no_earlier_than_recorded(
+def test_gesture_passes_every_keyframe_no_earlier_than_recorded(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
     pace: float,
@@ -67,7 +67,7 @@ def test_it_passes_through_every_keyframe_no_earlier_than_recorded(
 
 
 @given(starts, gestures(), st.floats(-1.0, 1.2), ways)
-def test_it_never_leaves_the_range_between_two_keyframes(
+def test_gesture_stays_within_the_range_of_adjacent_keyframes(
     start: Mapping[str, float],
     keyframes: Sequence[Keyframe],
     share: float,
@@ -80,13 +80,13 @@ def test_it_never_leaves_the_range_between_two_keyframes(
         assert min(stops) - 1e-9 <= at[joint] <= max(stops) + 1e-9
 
 
-def test_a_gesture_that_the_joints_can_follow_keeps_its_times() -> None:
+def test_feasible_gesture_keeps_its_times() -> None:
     keyframes = [Keyframe(1.0, {"elbow": 0.5}), Keyframe(3.0, {"elbow": 0.0})]
     assert lay_out({"elbow": 0.0}, keyframes, SPEEDS).times == (0.0, 1.0, 3.0)
     assert lay_out({"elbow": 0.0}, keyframes, SPEEDS, pace=0.5).times == (0.0, 2.0, 6.0)
 
 
-def test_only_the_segments_that_are_too_fast_are_slowed_and_the_rest_follows_later() -> None:
+def test_only_too_fast_segments_are_stretched() -> None:
     keyframes = [Keyframe(0.1, {"elbow": 1.6}), Keyframe(1.1, {"elbow": 1.5})]
     needed = PEAK_SPEED_FACTORS["minimum_jerk"] * 1.6 / SPEEDS["elbow"]
     assert lay_out({"elbow": 0.0}, keyframes, SPEEDS).times == pytest.approx((0.0, needed, needed + 1.0))
@@ -98,7 +98,7 @@ def test_the_slowest_joint_sets_the_time_of_a_segment() -> None:
     assert playing.at(playing.duration / 2) == pytest.approx({"shoulder": 0.4, "wrist": 0.4})
 
 
-def test_it_starts_and_ends_each_segment_at_rest_and_is_fastest_in_the_middle() -> None:
+def test_minimum_jerk_segments_start_and_end_at_rest() -> None:
     playing = lay_out({"wrist": 0.0}, [Keyframe(2.0, {"wrist": 1.0})], SPEEDS)
     step = 1e-4
 
@@ -110,7 +110,7 @@ def test_it_starts_and_ends_each_segment_at_rest_and_is_fastest_in_the_middle() 
     assert speed(1.0) == pytest.approx(PEAK_SPEED_FACTORS["minimum_jerk"] / 2.0, rel=1e-4)
 
 
-def test_a_joint_that_a_keyframe_does_not_name_stays() -> None:
+def test_joint_without_a_keyframe_does_not_move() -> None:
     playing = lay_out(
         {"elbow": 0.3, "wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0}), Keyframe(2.0, {"elbow": 0.0})], SPEEDS
     )
@@ -118,7 +118,7 @@ def test_a_joint_that_a_keyframe_does_not_name_stays() -> None:
     assert playing.at(1.7)["wrist"] == 1.0
 
 
-def test_before_the_start_and_after_the_end_it_stands_still() -> None:
+def test_gesture_is_constant_before_its_start_and_after_its_end() -> None:
     playing = lay_out({"wrist": 0.2}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS)
     assert playing.at(-math.inf) == {"wrist": 0.2}
     assert playing.at(math.inf) == {"wrist": 1.0}
@@ -140,7 +140,7 @@ def slope(playing: KeyframeMotion, time: float, joint: str = "wrist", step: floa
 RISE = [Keyframe(0.1 * n, {"wrist": 0.05 * n}) for n in range(1, 11)]
 
 
-def test_cubic_goes_evenly_through_keyframes_that_lie_on_a_line() -> None:
+def test_cubic_interpolation_is_even_through_collinear_keyframes() -> None:
     playing = lay_out({"wrist": 0.05}, RISE, SPEEDS, interpolation="cubic")
     assert [slope(playing, time) for time in playing.times[2:-1]] == pytest.approx([0.5] * 8, rel=1e-3)
 
@@ -158,13 +158,13 @@ def test_cubic_is_smooth_at_every_keyframe() -> None:
         assert slope(playing, time - 2e-4) == pytest.approx(slope(playing, time + 2e-4), abs=0.02)
 
 
-def test_cubic_with_one_keyframe_goes_there_and_rests() -> None:
+def test_cubic_interpolation_with_one_keyframe_ends_at_rest() -> None:
     playing = lay_out({"wrist": 0.0}, [Keyframe(1.0, {"wrist": 1.0})], SPEEDS, interpolation="cubic")
     assert playing.at(0.5) == pytest.approx({"wrist": 0.5})
     assert slope(playing, 0.5) == pytest.approx(PEAK_SPEED_FACTORS["cubic"], rel=1e-3)
 
 
-def test_linear_goes_straight_from_each_keyframe_to_the_next_as_fast_as_a_joint_can_where_it_has_to() -> None:
+def test_linear_interpolation_is_straight_and_speed_limited() -> None:
     throw = [Keyframe(1.0, {"wrist": 1.0}), Keyframe(1.1, {"wrist": 0.0})]
     playing = lay_out({"wrist": 0.0}, throw, SPEEDS, interpolation="linear")
     assert playing.times == pytest.approx((0.0, 1.0, 1.0 + 1.0 / SPEEDS["wrist"]))

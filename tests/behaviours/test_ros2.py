@@ -22,7 +22,7 @@ def put(bench: LeafTestBench, leaf: Any, **arguments: object) -> Any:
     return bench.put(leaf, **arguments)
 
 
-def test_it_drives_to_a_place_by_name_and_says_how_far_it_is() -> None:
+def test_navigate_goes_to_a_named_place_and_reports_the_distance() -> None:
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.ros2.goal_progress = Progress(
@@ -37,7 +37,7 @@ def test_it_drives_to_a_place_by_name_and_says_how_far_it_is() -> None:
 
 
 @pytest.mark.parametrize("state", [GoalState.FAILED, GoalState.UNKNOWN, GoalState.CANCELLED])
-def test_a_goal_that_does_not_succeed_fails_with_its_reason_and_the_base_is_stopped(state: GoalState) -> None:
+def test_navigate_fails_with_the_reason_of_its_goal_and_stops_the_base(state: GoalState) -> None:
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
@@ -47,7 +47,7 @@ def test_a_goal_that_does_not_succeed_fails_with_its_reason_and_the_base_is_stop
     assert STOP in bench.base.commands
 
 
-def test_halted_it_cancels_and_waits_for_the_end() -> None:
+def test_navigate_cancels_on_halt_and_waits_for_the_end() -> None:
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
@@ -60,7 +60,7 @@ def test_halted_it_cancels_and_waits_for_the_end() -> None:
     assert bench.safe_stops == []
 
 
-def test_a_halt_whose_end_does_not_come_stops_the_base_by_force() -> None:
+def test_navigate_halt_without_an_end_safe_stops_the_base() -> None:
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="kitchen")
     bench.tick(leaf)
@@ -69,14 +69,14 @@ def test_a_halt_whose_end_does_not_come_stops_the_base_by_force() -> None:
     assert bench.safe_stops == [frozenset({"base"})]
 
 
-def test_a_place_that_is_not_known_fails_with_those_that_are() -> None:
+def test_navigate_to_an_unknown_place_fails_with_the_known_ones() -> None:
     bench = LeafTestBench()
     leaf = put(bench, Navigate("navigate"), to="cellar")
     assert bench.tick(leaf) is FAILURE
     assert leaf.feedback_message == "unknown place 'cellar'; places: hall, kitchen, ramp"
 
 
-def test_without_nav2_it_waits_for_it() -> None:
+def test_navigate_waits_for_nav2() -> None:
     bench = LeafTestBench()
     bench.ros2.trouble = NotConnected("ros2: no server of /navigate_to_pose")
     leaf = put(bench, Navigate("navigate"), x=1.0, y=1.0)
@@ -86,7 +86,7 @@ def test_without_nav2_it_waits_for_it() -> None:
     assert bench.ros2.commands == [("navigate", ((1.0, 1.0, 0.0),), "map")]
 
 
-def test_it_drives_through_places_of_one_frame() -> None:
+def test_navigate_through_accepts_places_of_one_frame() -> None:
     bench = LeafTestBench()
     leaf = put(bench, NavigateThrough("through"), through=["hall", "kitchen"])
     assert bench.tick(leaf) is RUNNING
@@ -96,7 +96,7 @@ def test_it_drives_through_places_of_one_frame() -> None:
     assert "several frames: map, odom" in other.feedback_message
 
 
-def test_go_to_drives_by_nav2_where_there_is_one() -> None:
+def test_go_to_uses_nav2_where_available() -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), Velocity(0.0, 0.0)))
@@ -128,9 +128,7 @@ def test_nothing_is_begun_while_the_base_is_latched(leaf: type[Leaf], arguments:
 
 
 @pytest.mark.parametrize(("leaf", "arguments"), LEAVES)
-def test_a_base_that_latches_by_itself_fails_and_cancels_what_nodes_do(
-    leaf: type[Leaf], arguments: dict[str, object]
-) -> None:
+def test_latched_base_fails_the_leaf_and_cancels_the_action(leaf: type[Leaf], arguments: dict[str, object]) -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     it = put(bench, leaf(leaf.tag), **arguments)
@@ -141,7 +139,7 @@ def test_a_base_that_latches_by_itself_fails_and_cancels_what_nodes_do(
     assert bench.ros2.commands[1:] == [("cancel", 1)]
 
 
-def test_a_service_is_asked_and_its_answer_kept() -> None:
+def test_call_service_stores_the_response() -> None:
     bench = LeafTestBench()
     leaf = put(bench, CallService("call"), service="/reset", type="std_srvs/srv/SetBool", values={"data": True})
     assert bench.tick(leaf) is RUNNING
@@ -183,7 +181,7 @@ MESSAGE = {"percentage": 0.8, "pose": {"x": 1.5}, "ranges": [0.5, 2.0], "present
         ({}, True),
     ],
 )
-def test_a_topic_is_a_condition_on_any_of_its_fields(asked: dict[str, object], holds: bool) -> None:
+def test_topic_condition_checks_any_field(asked: dict[str, object], holds: bool) -> None:
     bench = LeafTestBench()
     bench.ros2.messages["/it"] = Reading(json.dumps(MESSAGE), bench.clock.now(), Quality.GOOD)
     leaf = put(bench, TopicLeaf("topic"), topic="/it", **asked)
@@ -191,7 +189,7 @@ def test_a_topic_is_a_condition_on_any_of_its_fields(asked: dict[str, object], h
     assert leaf.feedback_message
 
 
-def test_a_message_that_is_old_does_not_count() -> None:
+def test_old_topic_message_suspends_the_condition() -> None:
     bench = LeafTestBench()
     leaf = put(bench, TopicLeaf("topic"), topic="/it")
     assert bench.tick(leaf) is RUNNING

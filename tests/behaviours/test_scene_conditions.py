@@ -22,7 +22,7 @@ def test_dark_is_a_picture_below_a_share_of_white(brightness: float, status: obj
 
 
 @pytest.mark.parametrize(("motion", "status"), [(0.01, SUCCESS), (0.001, FAILURE), (0.005, SUCCESS)])
-def test_motion_is_a_share_of_the_picture_that_changed(motion: float, status: object) -> None:
+def test_motion_seen_compares_the_moving_share_of_the_picture(motion: float, status: object) -> None:
     bench = LeafTestBench()
     leaf = bench.put(MotionSeenLeaf("motion_seen"))
     show(bench, motion=motion)
@@ -30,7 +30,7 @@ def test_motion_is_a_share_of_the_picture_that_changed(motion: float, status: ob
     assert leaf.reason == f"{motion:.1%} of the picture moves"
 
 
-def test_eyes_that_do_not_look_for_motion_say_so() -> None:
+def test_motion_seen_fails_while_motion_detection_is_off() -> None:
     bench = LeafTestBench()
     leaf = bench.put(MotionSeenLeaf("motion_seen"))
     show(bench, motion=None)
@@ -39,7 +39,7 @@ def test_eyes_that_do_not_look_for_motion_say_so() -> None:
 
 
 @pytest.mark.parametrize("leaf", [Dark("dark"), MotionSeenLeaf("motion_seen")])
-def test_both_wait_for_a_picture_that_is_new_enough(leaf: Leaf) -> None:
+def test_scene_conditions_suspend_without_a_recent_picture(leaf: Leaf) -> None:
     bench = LeafTestBench()
     bench.put(leaf)
     assert bench.tick(leaf) is RUNNING

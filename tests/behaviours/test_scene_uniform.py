@@ -33,13 +33,13 @@ def test_a_picture_without_edges_is_uniform(contrast: float, status: Status, rea
     assert leaf.reason == reason
 
 
-def test_how_much_contrast_is_none_the_mission_may_say() -> None:
+def test_scene_uniform_contrast_is_an_argument() -> None:
     bench = LeafTestBench()
     show(bench, 23.0)
     assert bench.tick(asking(bench, contrast=30.0)) is SUCCESS
 
 
-def test_it_waits_for_a_picture_that_is_new_enough() -> None:
+def test_scene_uniform_suspends_without_a_recent_picture() -> None:
     bench = LeafTestBench()
     leaf = asking(bench)
     assert bench.tick(leaf) is RUNNING
@@ -50,7 +50,7 @@ def test_it_waits_for_a_picture_that_is_new_enough() -> None:
     assert bench.tick(leaf) is SUCCESS
 
 
-def test_a_picture_from_before_it_asked_can_be_ruled_out() -> None:
+def test_scene_uniform_within_zero_ignores_earlier_pictures() -> None:
     bench = LeafTestBench()
     leaf = asking(bench, within=0.0)
     show(bench, 1.0)

@@ -14,7 +14,7 @@ def test_a_face_is_shown_at_once_and_stays() -> None:
     assert bench.screen.commands == [Mood.HAPPY]
 
 
-def test_for_a_time_the_face_is_another_and_then_what_it_was() -> None:
+def test_face_restores_the_mood_after_its_time() -> None:
     bench = LeafTestBench()
     bench.screen.mood(Mood.SAD)
     leaf = bench.put(FaceLeaf("face"), mood="surprised", seconds=2.0)
@@ -23,7 +23,7 @@ def test_for_a_time_the_face_is_another_and_then_what_it_was() -> None:
     assert bench.screen.commands == [Mood.SAD, Mood.SURPRISED, Mood.SAD]
 
 
-def test_a_face_that_is_halted_is_what_it_was() -> None:
+def test_halted_face_restores_the_mood() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FaceLeaf("face"), mood="asleep", seconds=2.0)
     bench.tick(leaf)
@@ -41,6 +41,6 @@ def test_words_stay_or_go_after_their_time() -> None:
     assert bench.screen.commands == ["Hello", "Bye", ""]
 
 
-def test_the_moods_of_files_are_those_of_drivers() -> None:
+def test_moods_of_the_file_equal_those_of_the_driver() -> None:
     (mood,) = declared_keys(ScreenKeys)
     assert MOODS == mood.among == tuple(Mood)

@@ -27,7 +27,7 @@ def seen(bench: LeafTestBench, *, age: float = 0.1, number: int = 1, bearing: fl
 # --- conditions ------------------------------------------------------------------------------------------------------
 
 
-def test_face_seen_is_true_of_a_face_seen_lately_and_keeps_it() -> None:
+def test_face_seen_finds_and_stores_a_recent_face() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FaceSeenLeaf("face_seen"), output_variable="visitor")
     seen(bench)
@@ -36,7 +36,7 @@ def test_face_seen_is_true_of_a_face_seen_lately_and_keeps_it() -> None:
 
 
 @pytest.mark.parametrize("kind", [FaceSeenLeaf, FaceCentred])
-def test_nobody_there_is_a_failure_with_its_reason(kind: Callable[[str], Leaf]) -> None:
+def test_sight_conditions_fail_without_a_face(kind: Callable[[str], Leaf]) -> None:
     bench = LeafTestBench()
     leaf = bench.put(kind("see"))
     assert bench.tick(leaf) is FAILURE
@@ -82,7 +82,7 @@ def test_a_face_is_centred_within_an_angle_on_both_axes(bearing: float, drop: fl
     assert centred or "deg off" in leaf.reason
 
 
-def test_a_face_off_the_middle_says_how_far() -> None:
+def test_face_centred_reports_the_offset_of_the_face() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FaceCentred("face_centred"))
     seen(bench, bearing=math.radians(12), drop=math.radians(-7))
@@ -110,7 +110,7 @@ def test_several_faces_count_when_all_were_seen_lately(ages: list[float], status
     assert bench.run.variables.get("people") == (bench.sight.seen if status is SUCCESS else None)
 
 
-def test_within_says_how_long_ago_a_face_still_counts() -> None:
+def test_face_seen_within_sets_the_maximum_age() -> None:
     bench = LeafTestBench()
     leaf = bench.put(FaceSeenLeaf("face_seen"), within=2.0)
     seen(bench, age=1.8)
@@ -158,7 +158,7 @@ SMALL = {"pan": (-0.4, 0.4), "tilt": (-0.2, 0.1), "step": 0.4}
 SMALL_ROUTE = list(serpentine((-0.4, 0.4), (-0.2, 0.1), 0.4))
 
 
-def test_it_looks_where_it_looks_already_then_along_the_route_then_again() -> None:
+def test_search_visits_the_current_pose_and_then_the_route_repeatedly() -> None:
     search = Search(**SMALL)
     assert search.run(160) is RUNNING
     assert len(SMALL_ROUTE) == 6
@@ -166,7 +166,7 @@ def test_it_looks_where_it_looks_already_then_along_the_route_then_again() -> No
     assert search.leaf.reason == "no face found"
 
 
-def test_it_looks_at_each_place_for_the_pause_by_the_stamps_of_the_pictures() -> None:
+def test_search_dwells_for_the_pause_by_picture_stamps() -> None:
     search = Search(**SMALL, pause=0.5)
     search.run(100)
     told = [(command, at) for command, at in zip(search.bench.head.commands, search.bench.head.times, strict=True)]
@@ -175,7 +175,7 @@ def test_it_looks_at_each_place_for_the_pause_by_the_stamps_of_the_pictures() ->
     assert all(0.6 - 1e-9 <= after - before <= 0.7 + 1e-9 for before, after in pairwise(starts[1:]))
 
 
-def test_it_does_not_go_on_without_new_pictures() -> None:
+def test_search_does_not_continue_without_new_pictures() -> None:
     search = Search(**SMALL)
     for _ in range(100):
         search.bench.sight.searched = 90.0
@@ -184,7 +184,7 @@ def test_it_does_not_go_on_without_new_pictures() -> None:
     assert search.leaf.reason == "no pictures from the camera"
 
 
-def test_it_does_not_go_on_before_the_head_has_arrived() -> None:
+def test_search_does_not_continue_before_the_head_arrives() -> None:
     search = Search(**SMALL)
     search.bench.head.reading = good(HeadPose(1.0, 0.0))
     search.tick(arrives=False)
@@ -194,7 +194,7 @@ def test_it_does_not_go_on_before_the_head_has_arrived() -> None:
     assert search.poses == [HeadPose(1.0, 0.0)]
 
 
-def test_a_face_ends_it_and_the_head_stays() -> None:
+def test_search_succeeds_at_a_face_and_stops_the_head() -> None:
     search = Search(**SMALL, output_variable="visitor")
     search.run(20)
     seen(search.bench, age=0.05)
@@ -204,7 +204,7 @@ def test_a_face_ends_it_and_the_head_stays() -> None:
     assert search.leaf.reason == ""
 
 
-def test_a_face_from_before_the_search_does_not_count_but_one_behind_it_does() -> None:
+def test_search_ignores_faces_from_before_its_start() -> None:
     search = Search(**SMALL)
     bench = search.bench
     before = bench.clock.now()
@@ -216,7 +216,7 @@ def test_a_face_from_before_the_search_does_not_count_but_one_behind_it_does() -
 
 
 @pytest.mark.parametrize(("scans", "reason"), [(1, "no face found in 1 scan"), (2, "no face found in 2 scans")])
-def test_after_its_scans_it_fails_without_looking_anywhere_else(scans: int, reason: str) -> None:
+def test_search_fails_after_its_scans_and_stops_the_head(scans: int, reason: str) -> None:
     search = Search(**SMALL, scans=scans)
     assert search.run(1000) is FAILURE
     assert search.leaf.reason == reason
@@ -246,7 +246,7 @@ def test_a_halt_stops_the_head_once() -> None:
 
 
 @pytest.mark.parametrize("reading", [none(), stale(HeadPose(0.7, 0.0))])
-def test_a_head_that_is_not_there_costs_no_place_of_the_route(reading: Reading[HeadPose]) -> None:
+def test_offline_head_does_not_skip_the_route(reading: Reading[HeadPose]) -> None:
     search = Search(**SMALL, scans=1)
     search.bench.head.reading = reading
     search.bench.head.trouble = OFFLINE_ERROR
@@ -258,7 +258,7 @@ def test_a_head_that_is_not_there_costs_no_place_of_the_route(reading: Reading[H
     assert search.poses[-6:] == SMALL_ROUTE
 
 
-def test_a_head_lost_on_the_way_is_told_again_and_the_place_is_looked_at() -> None:
+def test_pose_is_sent_again_after_a_head_disconnect() -> None:
     search = Search(**SMALL, scans=1)
     while len(search.poses) < 3:
         search.tick()
@@ -273,7 +273,7 @@ def test_a_head_lost_on_the_way_is_told_again_and_the_place_is_looked_at() -> No
     assert search.poses == SMALL_ROUTE[SMALL_ROUTE.index(goal) :]
 
 
-def test_a_fault_of_the_head_fails_it() -> None:
+def test_search_fails_on_a_head_fault() -> None:
     search = Search(**SMALL)
     search.bench.head.trouble = DeviceFault("head: servo 1 stalls")
     assert search.tick() is FAILURE
@@ -281,7 +281,7 @@ def test_a_fault_of_the_head_fails_it() -> None:
     assert search.bench.head.commands == [STOP]
 
 
-def test_a_second_search_looks_where_it_is_for_the_pause_again() -> None:
+def test_second_search_dwells_at_the_current_pose_again() -> None:
     search = Search(**SMALL, pause=0.5)
     search.run(5)
     search.bench.halt(search.leaf)
@@ -292,7 +292,7 @@ def test_a_second_search_looks_where_it_is_for_the_pause_again() -> None:
 
 
 @pytest.mark.parametrize("ending", ["found", "gave up", "halted"])
-def test_a_second_search_begins_anew_from_where_the_head_looks(ending: str) -> None:
+def test_second_search_starts_at_the_current_head_pose(ending: str) -> None:
     search = Search(**SMALL, scans=1)
     search.run(20)
     if ending == "found":
@@ -317,7 +317,7 @@ spans = st.tuples(st.integers(-90, 90), st.integers(-90, 90)).map(
 
 
 @given(spans, spans, st.floats(0.1, 1.0))
-def test_the_route_covers_all_with_its_edges_in_small_enough_steps(
+def test_search_route_covers_the_area_with_small_enough_steps(
     pan: tuple[float, float], tilt: tuple[float, float], step: float
 ) -> None:
     route = list(serpentine(pan, tilt, step))

@@ -26,7 +26,7 @@ def sweeping(bench: LeafTestBench, joints: tuple[str, ...] = ("elbow",), **argum
     st.floats(0.0, math.tau),
     st.floats(0.0, 100.0),
 )
-def test_a_swing_stays_between_its_ends_and_below_its_steepest(
+def test_swing_stays_between_its_ends_and_below_its_max_speed(
     sine: bool, period: float, phase: float, time: float
 ) -> None:
     swing = SwingPath(0.2, 1.2, period, {"elbow": phase}, sine=sine)
@@ -41,7 +41,7 @@ def test_a_phase_is_how_far_ahead_a_joint_is() -> None:
     assert swing.at(2.0)["other"] == pytest.approx(swing.at(3.0)["one"])
 
 
-def test_it_comes_slowly_to_the_first_end_then_swings_evenly() -> None:
+def test_sweep_joints_runs_in_slowly_and_then_swings_evenly() -> None:
     bench, servos = with_servos()
     servos.turn_by_hand("elbow", 2.0)
     assert tick(bench, sweeping(bench, period=4.0), 12.0) is RUNNING
@@ -53,7 +53,7 @@ def test_it_comes_slowly_to_the_first_end_then_swings_evenly() -> None:
     assert sorted(steps)[len(steps) // 2] == pytest.approx(2.0 * 1.0 / 4.0 * TICK, rel=0.01)
 
 
-def test_joints_that_cannot_go_that_fast_take_longer() -> None:
+def test_sweep_joints_lengthens_a_too_short_period() -> None:
     bench, servos = with_servos()
     tick(bench, sweeping(bench, ("shoulder", "elbow"), period=0.2, sine=True), 6.0)
     told = moves(servos)[round(2.0 / TICK) :]
@@ -62,14 +62,14 @@ def test_joints_that_cannot_go_that_fast_take_longer() -> None:
         assert fastest <= limits.speed * (1 + 1e-6)
 
 
-def test_several_joints_follow_one_another() -> None:
+def test_sweep_joints_applies_the_phases() -> None:
     bench, servos = with_servos()
     tick(bench, sweeping(bench, ("shoulder", "elbow"), sine=True, period=2.0, phases={"elbow": math.pi}), 8.0)
     for move in moves(servos)[round(4.0 / TICK) :]:
         assert move["shoulder"] + move["elbow"] == pytest.approx(sum(BETWEEN), abs=1e-6)
 
 
-def test_a_halt_holds_only_the_joints_that_swing() -> None:
+def test_sweep_joints_halt_holds_only_its_joints() -> None:
     bench, servos = with_servos(bend=("elbow",))
     leaf = sweeping(bench, ("bend",))
     tick(bench, leaf, 1.0)
@@ -77,7 +77,7 @@ def test_a_halt_holds_only_the_joints_that_swing() -> None:
     assert servos.commands[-1] == (HOLD, "elbow")
 
 
-def test_what_cannot_be_is_told_before_anything_moves() -> None:
+def test_sweep_joints_reports_all_violations_before_any_motion() -> None:
     bench = LeafTestBench()
     leaf = sweeping(bench, ("elbow",), between=(-1.0, 3.0), phases={"hand": 1.0})
     assert bench.tick(leaf) is FAILURE

@@ -52,7 +52,7 @@ def seconds_to_end(bench: LeafTestBench, leaf: BaseMotion, most: float = 300.0) 
 
 @pytest.mark.parametrize("number", range(9))
 @pytest.mark.parametrize("reckoned", [False, True])
-def test_a_motion_that_never_gets_there_ends_at_its_time_limit(number: int, reckoned: bool) -> None:
+def test_motion_without_arrival_fails_at_its_time_limit(number: int, reckoned: bool) -> None:
     bench = LeafTestBench()
     bench.robot = replace(bench.robot, ros2_part=None)
     bench.base.reading = good(replace(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD), reckoned=reckoned))
@@ -61,7 +61,7 @@ def test_a_motion_that_never_gets_there_ends_at_its_time_limit(number: int, reck
     assert leaf.status is FAILURE
 
 
-def test_the_limit_is_what_the_motion_can_take_and_a_margin() -> None:
+def test_time_limit_is_the_expected_time_plus_a_margin() -> None:
     bench = LeafTestBench()
     leaf = bounded(bench)[0]
     limit = time_limit(seconds_to_drive(0.5, 0.2, bench.base.limits))
@@ -69,7 +69,7 @@ def test_the_limit_is_what_the_motion_can_take_and_a_margin() -> None:
     assert leaf.reason == f"not done within its time limit of {limit:.0f} s"
 
 
-def test_its_clock_begins_anew_when_a_person_lets_go_of_the_wheels() -> None:
+def test_time_limit_restarts_after_teleoperation() -> None:
     bench = LeafTestBench()
     leaf = bounded(bench)[0]
     limit = time_limit(seconds_to_drive(0.5, 0.2, bench.base.limits))
@@ -81,7 +81,7 @@ def test_its_clock_begins_anew_when_a_person_lets_go_of_the_wheels() -> None:
     assert seconds_to_end(bench, leaf) == pytest.approx(limit, abs=0.2)
 
 
-def test_its_clock_stands_while_the_run_is_paused() -> None:
+def test_time_limit_is_paused_with_the_run() -> None:
     bench = LeafTestBench()
     leaf = bounded(bench)[0]
     bench.tick(leaf)
@@ -89,7 +89,7 @@ def test_its_clock_stands_while_the_run_is_paused() -> None:
         assert bench.tick(leaf, after=600.0) is RUNNING  # no tick comes in a pause
 
 
-def test_its_clock_is_as_slow_as_the_base_is_made() -> None:
+def test_time_limit_stretches_while_the_base_is_slowed_down() -> None:
     bench = LeafTestBench()
     leaf = bounded(bench)[0]
     limit = time_limit(seconds_to_drive(0.5, 0.2, bench.base.limits))
@@ -117,7 +117,7 @@ def test_the_limit_follows_a_changed_limit_of_the_base(number: int, share: float
     assert leaf.status is FAILURE
 
 
-def test_a_limit_that_changes_on_and_on_keeps_no_motion_alive() -> None:
+def test_changing_speed_limits_do_not_extend_a_motion_forever() -> None:
     bench = LeafTestBench()
     leaf, usual = bounded(bench)[0], bench.base.limits
     bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD))
@@ -143,13 +143,13 @@ def test_a_motion_waits_for_the_gyro_for_a_while_only(number: int) -> None:
     assert seconds_to_end(bench, leaf) > TIME_LIMIT_MARGIN
 
 
-def test_stop_fails_on_a_base_that_goes_on() -> None:
+def test_stop_fails_if_the_base_keeps_moving() -> None:
     bench = LeafTestBench()
     bench.base.reading = good(BaseState(Pose2D(0.0, 0.0, 0.0), AHEAD))
     assert seconds_to_end(bench, bench.put(StopLeaf("stop"))) == pytest.approx(STOP_TIMEOUT, abs=0.2)
 
 
-def test_a_motion_that_nav2_does_fails_where_the_base_makes_no_progress() -> None:
+def test_nav2_motion_fails_without_progress() -> None:
     bench = LeafTestBench()
     bench.ros2.nav2 = True
     leaf = bounded(bench)[3]

@@ -46,7 +46,7 @@ def looks(bench: LeafTestBench) -> list[HeadPose]:
 # --- following -------------------------------------------------------------------------------------------------------
 
 
-def test_the_head_goes_to_the_face_and_the_base_stands_while_it_is_ahead(rules: RuleBases) -> None:
+def test_track_face_moves_the_head_and_not_the_base_near_the_middle(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     follow(bench, leaf, yaw=LEFT, pitch=-0.2)
@@ -56,7 +56,7 @@ def test_the_head_goes_to_the_face_and_the_base_stands_while_it_is_ahead(rules: 
     assert leaf.reason == "face 1, 0 deg off"
 
 
-def test_the_base_turns_when_the_head_nears_its_limit_and_no_faster_than_it_may(rules: RuleBases) -> None:
+def test_track_face_turns_the_base_near_the_head_limit_up_to_max_turn(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, max_turn=0.5)
     follow(bench, leaf, yaw=1.5, ticks=40)
@@ -75,7 +75,7 @@ def test_a_robot_without_a_base_follows_with_the_head_alone(rules: RuleBases) ->
     assert bench.base.commands == []
 
 
-def test_as_keeps_the_face_while_it_is_followed(rules: RuleBases) -> None:
+def test_track_face_stores_the_face_while_tracking(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, output_variable="visitor")
     bench.tick(leaf)
@@ -85,7 +85,7 @@ def test_as_keeps_the_face_while_it_is_followed(rules: RuleBases) -> None:
     assert bench.run.variables == {"visitor": bench.sight.seen[0]}
 
 
-def test_where_the_head_looks_is_where_it_starts(rules: RuleBases) -> None:
+def test_track_face_starts_at_the_current_head_pose(rules: RuleBases) -> None:
     bench = LeafTestBench()
     bench.head.reading = good(HeadPose(0.8, -0.1))
     leaf = tracking(bench, rules)
@@ -97,7 +97,7 @@ def test_where_the_head_looks_is_where_it_starts(rules: RuleBases) -> None:
 # --- whom ------------------------------------------------------------------------------------------------------------
 
 
-def test_it_takes_the_largest_and_stays_with_it(rules: RuleBases) -> None:
+def test_track_face_takes_the_largest_face_and_keeps_it(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     now = bench.clock.now()
@@ -109,7 +109,7 @@ def test_it_takes_the_largest_and_stays_with_it(rules: RuleBases) -> None:
     assert leaf.result == first
 
 
-def test_when_that_face_is_lost_it_takes_the_largest_there_is(rules: RuleBases) -> None:
+def test_track_face_takes_the_largest_face_after_a_loss(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     show(bench, number=1)
@@ -119,7 +119,7 @@ def test_when_that_face_is_lost_it_takes_the_largest_there_is(rules: RuleBases) 
     assert leaf.result == bench.sight.seen[0]
 
 
-def test_a_face_unseen_for_its_patience_gives_way_to_one_in_view(rules: RuleBases) -> None:
+def test_track_face_switches_to_a_visible_face_after_its_patience(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=0.5)
     lost = face(bench.clock.now(), number=1)
@@ -132,7 +132,7 @@ def test_a_face_unseen_for_its_patience_gives_way_to_one_in_view(rules: RuleBase
 # --- without a face --------------------------------------------------------------------------------------------------
 
 
-def test_it_fails_once_no_face_was_seen_for_its_patience(rules: RuleBases) -> None:
+def test_track_face_fails_without_a_face_after_its_patience(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
     show(bench)
@@ -145,7 +145,7 @@ def test_it_fails_once_no_face_was_seen_for_its_patience(rules: RuleBases) -> No
     assert bench.base.commands[-1] == STOP
 
 
-def test_the_patience_counts_from_the_start_where_there_never_was_a_face(rules: RuleBases) -> None:
+def test_patience_counts_from_the_start_without_any_face(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules, patience=1.0)
     bench.sight.seen = [face(bench.clock.now() - 5.0)]
@@ -155,7 +155,7 @@ def test_the_patience_counts_from_the_start_where_there_never_was_a_face(rules: 
     assert bench.tick(leaf, after=0.1) is FAILURE
 
 
-def test_a_face_missed_for_a_moment_is_followed_on_and_then_the_base_stands(rules: RuleBases) -> None:
+def test_briefly_lost_face_is_tracked_on_and_then_the_base_stops(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     follow(bench, leaf, yaw=1.3)
@@ -216,7 +216,7 @@ def test_even_a_lost_device_does_not_outlast_the_patience(rules: RuleBases) -> N
     assert leaf.reason == "no face for 1 s"
 
 
-def test_a_base_that_no_longer_reports_counts_as_standing_where_it_was(rules: RuleBases) -> None:
+def test_base_with_stale_odometry_counts_as_standing(rules: RuleBases) -> None:
     bench = LeafTestBench()
     moving = BaseState(Pose2D(0.0, 0.0, 0.5), Velocity(0.0, 1.0))
     leaf = tracking(bench, rules)
@@ -225,7 +225,7 @@ def test_a_base_that_no_longer_reports_counts_as_standing_where_it_was(rules: Ru
     assert looks(bench)[-1].pan == pytest.approx(LEFT, abs=0.02)
 
 
-def test_a_fault_of_the_head_fails_it_and_stops_both(rules: RuleBases) -> None:
+def test_track_face_fails_on_a_head_fault_and_stops_head_and_base(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     show(bench)
@@ -236,7 +236,7 @@ def test_a_fault_of_the_head_fails_it_and_stops_both(rules: RuleBases) -> None:
     assert bench.base.commands == [STOP]
 
 
-def test_a_face_that_is_nowhere_fails_it_and_stops_both(rules: RuleBases, caplog: pytest.LogCaptureFixture) -> None:
+def test_track_face_fails_on_a_non_finite_face_and_stops(rules: RuleBases, caplog: pytest.LogCaptureFixture) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     show(bench, yaw=math.nan)
@@ -266,7 +266,7 @@ def test_a_second_run_knows_nothing_of_the_first(rules: RuleBases, ending: str) 
     assert leaf.result == bench.sight.seen[0]
 
 
-def test_what_is_known_of_the_bases_lag_counts_before_what_the_mission_says(rules: RuleBases) -> None:
+def test_learnt_base_lag_overrides_the_lag_argument(rules: RuleBases) -> None:
     bench = LeafTestBench()
     for known, expected in ((False, 0.3), (True, 0.18)):
         bench.robot.lag.set_prior(0.18, learnt=known)
@@ -275,7 +275,7 @@ def test_what_is_known_of_the_bases_lag_counts_before_what_the_mission_says(rule
         assert bench.robot.lag.acceleration == bench.base.limits.turn_acceleration
 
 
-def test_a_base_that_does_not_do_what_it_is_told_fails_it(rules: RuleBases) -> None:
+def test_track_face_fails_if_the_base_does_not_move(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = tracking(bench, rules)
     assert bench.tick(leaf) is RUNNING

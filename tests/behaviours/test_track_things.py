@@ -35,7 +35,7 @@ def aim(bench: LeafTestBench) -> HeadPose:
     return [command for command in bench.head.commands if isinstance(command, HeadPose)][-1]
 
 
-def test_it_follows_the_object_that_was_asked_for_and_no_other(rules: RuleBases) -> None:
+def test_track_object_tracks_only_the_requested_object(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = bench.put(TrackObject("track_object"), controller=rules, what=ThingSpec("red ball", "red", "ball"))
     for _ in range(30):
@@ -47,7 +47,7 @@ def test_it_follows_the_object_that_was_asked_for_and_no_other(rules: RuleBases)
     assert leaf.result == bench.sight.found[1]
 
 
-def test_an_object_that_is_gone_is_told_by_its_noun(rules: RuleBases) -> None:
+def test_track_object_reports_a_lost_object(rules: RuleBases) -> None:
     bench = LeafTestBench()
     leaf = bench.put(
         TrackObject("track_object"), controller=rules, what=ThingSpec("red ball", "red", "ball"), patience=1.0
@@ -60,7 +60,7 @@ def test_an_object_that_is_gone_is_told_by_its_noun(rules: RuleBases) -> None:
 
 
 @pytest.mark.parametrize(("which", "pan"), [("7", 0.3), ("R2", 0.3), ("8", -0.4), ("", -0.4)])
-def test_it_follows_the_robot_with_that_number_or_name_or_the_largest(rules: RuleBases, which: str, pan: float) -> None:
+def test_track_robot_selects_by_number_or_name_or_size(rules: RuleBases, which: str, pan: float) -> None:
     bench = LeafTestBench()
     leaf = bench.put(TrackRobot("track_robot"), controller=rules, which=which)
     for _ in range(30):
@@ -70,7 +70,7 @@ def test_it_follows_the_robot_with_that_number_or_name_or_the_largest(rules: Rul
     assert aim(bench).pan == pytest.approx(pan, abs=0.01)
 
 
-def test_a_robot_without_a_head_turns_its_base_to_the_face(rules: RuleBases) -> None:
+def test_robot_without_a_head_turns_its_base_to_the_face(rules: RuleBases) -> None:
     bench = LeafTestBench()
     bench.robot = Robot(base_part=bench.base, sight_part=bench.sight)
     leaf = bench.put(TrackFace("track_face"), controller=rules)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from behaviours.joint_motion import JointError, JointSample, TrackingErrors
 
 
-def test_each_joint_has_its_mean_square_and_its_worst_with_its_time() -> None:
+def test_tracking_errors_have_rms_worst_and_time_per_joint() -> None:
     tracking = TrackingErrors()
     tracking.add([JointSample(0.1, "elbow", 0.0, 0.3), JointSample(0.1, "wrist", 1.0, 1.0)])
     tracking.add([JointSample(0.2, "elbow", 1.0, 0.6)])
@@ -19,14 +19,14 @@ def test_each_joint_has_its_mean_square_and_its_worst_with_its_time() -> None:
     assert errors["wrist"] == JointError(0.0, 0.0, 0.1, 1)
 
 
-def test_a_reading_that_comes_again_is_not_counted_again() -> None:
+def test_repeated_reading_is_counted_once() -> None:
     tracking = TrackingErrors()
     for _ in range(3):
         tracking.add([JointSample(0.1, "elbow", 0.0, 0.3)])
     assert len(tracking.samples) == 1
 
 
-def test_without_readings_there_are_no_figures() -> None:
+def test_tracking_errors_are_empty_without_readings() -> None:
     assert TrackingErrors().errors() == {}
 
 

@@ -35,7 +35,7 @@ def silent_arm(*, online: bool) -> tuple[LeafTestBench, ServoArm]:
 
 
 @pytest.mark.parametrize("make", LEAVES)
-def test_a_joint_that_is_not_driven_is_waited_for_a_few_seconds(make: Make) -> None:
+def test_undriven_joint_fails_after_the_report_timeout(make: Make) -> None:
     bench, servos = silent_arm(online=True)
     leaf = make(bench)
     assert tick(bench, leaf, REPORT_TIMEOUT - 0.2) is RUNNING
@@ -45,14 +45,14 @@ def test_a_joint_that_is_not_driven_is_waited_for_a_few_seconds(make: Make) -> N
 
 
 @pytest.mark.parametrize("make", LEAVES)
-def test_a_joint_of_an_arm_that_is_away_is_waited_for(make: Make) -> None:
+def test_joint_of_an_offline_arm_is_waited_for(make: Make) -> None:
     bench, _ = silent_arm(online=False)
     leaf = make(bench)
     assert tick(bench, leaf, 4 * REPORT_TIMEOUT) is RUNNING
 
 
 @pytest.mark.parametrize("make", LEAVES)
-def test_a_joint_that_reports_in_time_is_moved(make: Make) -> None:
+def test_joint_that_reports_in_time_is_moved(make: Make) -> None:
     bench, servos = silent_arm(online=True)
     leaf = make(bench)
     tick(bench, leaf, REPORT_TIMEOUT / 2)
@@ -61,7 +61,7 @@ def test_a_joint_that_reports_in_time_is_moved(make: Make) -> None:
     assert "cannot be moved" not in leaf.reason
 
 
-def test_a_joint_that_stops_short_is_told_with_what_is_wrong_with_its_servo() -> None:
+def test_reason_of_a_short_joint_includes_the_servo_fault() -> None:
     bench, servos = with_servos()
     servos.stuck = {"elbow"}
     health = servos.health()

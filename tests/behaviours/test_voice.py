@@ -16,7 +16,7 @@ def saying(bench: LeafTestBench, text: str = "Hello!") -> Say:
     return bench.put(Say("say"), text=text)
 
 
-def test_say_runs_until_it_is_spoken() -> None:
+def test_say_runs_until_the_speech_ends() -> None:
     bench = LeafTestBench()
     leaf = saying(bench)
     assert bench.tick(leaf) is RUNNING
@@ -26,7 +26,7 @@ def test_say_runs_until_it_is_spoken() -> None:
     assert bench.voice.commands == ["Hello!"]
 
 
-def test_a_halt_makes_it_fall_silent_once() -> None:
+def test_halted_say_cancels_once() -> None:
     bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
@@ -35,7 +35,7 @@ def test_a_halt_makes_it_fall_silent_once() -> None:
     assert bench.voice.commands == ["Hello!", CANCEL]
 
 
-def test_words_that_are_broken_off_are_said_once_more_and_then_fail() -> None:
+def test_interrupted_speech_is_repeated_once_and_then_fails() -> None:
     bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
@@ -50,7 +50,7 @@ def test_words_that_are_broken_off_are_said_once_more_and_then_fail() -> None:
     assert bench.voice.commands == ["Hello!", "Hello!", CANCEL, "Hello!", CANCEL]
 
 
-def test_a_smiley_is_not_spoken_and_sets_the_mood_of_a_face_where_there_is_one() -> None:
+def test_smiley_sets_the_mood_and_is_not_spoken() -> None:
     bench = LeafTestBench()
     bench.tick(saying(bench, "Hello :)"))
     assert bench.voice.commands == ["Hello"]
@@ -61,7 +61,7 @@ def test_a_smiley_is_not_spoken_and_sets_the_mood_of_a_face_where_there_is_one()
     assert bench.voice.commands == ["Hello", "Goodbye"]
 
 
-def test_each_start_says_it_again() -> None:
+def test_say_speaks_again_at_each_start() -> None:
     bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
@@ -73,7 +73,7 @@ def test_each_start_says_it_again() -> None:
     assert bench.voice.commands == ["Hello!", "Hello!", CANCEL, "Hello!"]
 
 
-def test_a_voice_that_is_not_there_yet_is_waited_for_and_speaks_once() -> None:
+def test_say_waits_for_an_offline_voice_and_speaks_once() -> None:
     bench = LeafTestBench()
     bench.voice.trouble = OFFLINE_ERROR
     leaf = saying(bench)
@@ -85,7 +85,7 @@ def test_a_voice_that_is_not_there_yet_is_waited_for_and_speaks_once() -> None:
     assert bench.voice.commands == ["Hello!"]
 
 
-def test_a_halt_before_it_could_speak_cancels_nothing_of_an_earlier_run() -> None:
+def test_halt_before_speaking_cancels_nothing() -> None:
     bench = LeafTestBench()
     leaf = saying(bench)
     bench.tick(leaf)
@@ -97,7 +97,7 @@ def test_a_halt_before_it_could_speak_cancels_nothing_of_an_earlier_run() -> Non
     assert bench.voice.commands == ["Hello!"]
 
 
-def test_a_voice_that_complains_is_a_failure() -> None:
+def test_say_fails_on_a_voice_fault() -> None:
     bench = LeafTestBench()
     bench.voice.trouble = DeviceFault("voice: no sound card")
     leaf = saying(bench)
@@ -105,7 +105,7 @@ def test_a_voice_that_complains_is_a_failure() -> None:
     assert leaf.reason == "voice: no sound card"
 
 
-def test_it_takes_as_long_as_the_words_and_whatever_is_said_before() -> None:
+def test_say_lasts_as_long_as_its_words_and_those_queued_before() -> None:
     bench = LeafTestBench()
     printed: list[str] = []
     voice = PrintedVoice(bench.clock, printed.append)
@@ -121,14 +121,14 @@ def test_it_takes_as_long_as_the_words_and_whatever_is_said_before() -> None:
     assert printed == ["one two three four five", "six seven eight nine ten"]
 
 
-def test_how_it_is_said_goes_to_the_voice() -> None:
+def test_say_passes_style_and_priority_to_the_voice() -> None:
     bench = LeafTestBench()
     leaf = bench.put(Say("say"), text="Hallo!", voice="+f2", speed=200.0, language="de", priority="high")
     assert bench.tick(leaf) is RUNNING
     assert bench.voice.commands == [("Hallo!", SpeechStyle("+f2", 200.0, "de"), Priority.HIGH)]
 
 
-def test_a_sound_is_played_to_its_end_and_silent_when_it_is_halted() -> None:
+def test_play_sound_runs_to_the_end_and_cancels_on_halt() -> None:
     bench = LeafTestBench()
     leaf = bench.put(PlaySound("play_sound"), sound=Path("bells/bell.wav"))
     assert bench.tick(leaf) is RUNNING
@@ -141,7 +141,7 @@ def test_a_sound_is_played_to_its_end_and_silent_when_it_is_halted() -> None:
     assert bench.voice.commands == [Path("bells/bell.wav"), (Path("bells/bell.wav"), Priority.LOW), CANCEL]
 
 
-def test_a_sound_that_is_none_is_a_failure() -> None:
+def test_invalid_sound_file_fails_play_sound() -> None:
     bench = LeafTestBench()
     bench.voice.trouble = BadRequest("voice: bell.wav: is no WAV, MP3, FLAC or Ogg file")
     leaf = bench.put(PlaySound("play_sound"), sound=Path("bell.wav"))

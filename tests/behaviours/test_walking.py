@@ -14,12 +14,12 @@ def walked(tmp_path: Path, step: str) -> tuple[str, str]:
     return result.result, result.reason
 
 
-def test_a_walk_in_a_curve_ends_when_its_steps_have_covered_the_way(tmp_path: Path) -> None:
+def test_walk_in_a_curve_ends_after_its_distance(tmp_path: Path) -> None:
     ended = walked(tmp_path, "walk: {distance: 1 m, turn: 20 deg/s}\n      timeout: 20 s")
     assert ended == ("success", DEAD_RECKONING_REASON)
 
 
-def test_a_walk_with_no_velocity_fails_and_says_so(tmp_path: Path) -> None:
+def test_walk_with_zero_velocity_fails(tmp_path: Path) -> None:
     result, reason = walked(tmp_path, "walk: {distance: 1 m, velocity: 0 m/s}")
     assert result == "failure"
     assert "the velocity is 0" in reason

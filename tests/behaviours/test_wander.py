@@ -34,13 +34,13 @@ def stand(bench: LeafTestBench, x: float = 0.0, heading: float = 0.0, **felt: An
     bench.base.reading = good(replace(BaseState(Pose2D(x, 0.0, heading), STILL), **felt))
 
 
-def test_with_nothing_about_it_drives_straight_ahead_at_its_speed() -> None:
+def test_wander_drives_straight_ahead_without_obstacles() -> None:
     bench = LeafTestBench()
     assert bench.tick(wandering(bench, speed=0.4)) is RUNNING
     assert told(bench) == Velocity(0.4, 0.0)
 
 
-def test_it_turns_to_where_there_is_room() -> None:
+def test_wander_turns_towards_free_space() -> None:
     bench = LeafTestBench()
     bench.ranger.show({angle: 3.0 if 50 <= angle <= 130 else 0.6 for angle in ROUND})
     bench.tick(wandering(bench))
@@ -48,7 +48,7 @@ def test_it_turns_to_where_there_is_room() -> None:
     assert told(bench).angular > 0.5
 
 
-def test_the_nearer_things_are_ahead_the_slower_it_goes() -> None:
+def test_wander_slows_down_near_obstacles() -> None:
     speeds = []
     for distance in (2.0, 1.0, 0.6, 0.4):
         bench = LeafTestBench()
@@ -61,7 +61,7 @@ def test_the_nearer_things_are_ahead_the_slower_it_goes() -> None:
     assert speeds[-1] < 0.25
 
 
-def test_it_goes_rather_where_it_has_not_been() -> None:
+def test_wander_prefers_unvisited_directions() -> None:
     bench = LeafTestBench()
     bench.ranger.show(dict.fromkeys(ROUND, 2.5))
     leaf = wandering(bench)
@@ -73,7 +73,7 @@ def test_it_goes_rather_where_it_has_not_been() -> None:
     assert abs(told(bench).angular) > 0.3
 
 
-def test_a_finder_that_falls_silent_makes_it_stand_and_wait() -> None:
+def test_wander_stops_and_waits_for_a_silent_range_finder() -> None:
     bench = LeafTestBench()
     leaf = wandering(bench)
     bench.tick(leaf)
@@ -83,7 +83,7 @@ def test_a_finder_that_falls_silent_makes_it_stand_and_wait() -> None:
     assert told(bench) == STILL
 
 
-def test_without_a_finder_it_goes_so_slowly_that_it_may_bump() -> None:
+def test_blind_wander_drives_at_the_blind_speed() -> None:
     bench = LeafTestBench()
     bench.tick(wandering(bench, blind=True, speed=0.5))
     assert told(bench) == Velocity(BLIND_SPEED, 0.0)
@@ -91,7 +91,7 @@ def test_without_a_finder_it_goes_so_slowly_that_it_may_bump() -> None:
 
 @pytest.mark.parametrize("blind", [True, False])
 @pytest.mark.parametrize("what", ["bumper", "cliff"])
-def test_from_what_it_meets_it_drives_straight_back_and_goes_elsewhere(what: str, *, blind: bool) -> None:
+def test_wander_backs_off_straight_after_contact_and_turns_away(what: str, *, blind: bool) -> None:
     bench = LeafTestBench()
     leaf = wandering(bench, blind=blind)
     bench.tick(leaf)
@@ -109,7 +109,7 @@ def test_from_what_it_meets_it_drives_straight_back_and_goes_elsewhere(what: str
     assert abs(told(bench).angular) > 0.3
 
 
-def test_it_waits_while_the_base_backs_off_by_itself() -> None:
+def test_wander_waits_while_the_base_backs_off() -> None:
     bench = LeafTestBench()
     leaf = wandering(bench)
     bench.tick(leaf)
@@ -121,7 +121,7 @@ def test_it_waits_while_the_base_backs_off_by_itself() -> None:
     assert bench.base.commands == []
 
 
-def test_shut_in_it_stands_and_gives_up_after_a_while() -> None:
+def test_wander_fails_after_a_while_when_enclosed() -> None:
     bench = LeafTestBench()
     bench.ranger.show(dict.fromkeys(ROUND, 0.25))
     leaf = wandering(bench)
@@ -131,7 +131,7 @@ def test_shut_in_it_stands_and_gives_up_after_a_while() -> None:
     assert leaf.reason == "no way out"
 
 
-def test_a_dropped_wheel_and_a_latched_base_fail_it() -> None:
+def test_wander_fails_on_a_wheel_drop_or_a_latched_base() -> None:
     cases: tuple[tuple[str, dict[str, Any], str], ...] = (
         ("", {"wheel_drop": Sides(left=True)}, "a wheel has dropped"),
         ("button 0 was pressed", {}, "the base is stopped: button 0 was pressed"),

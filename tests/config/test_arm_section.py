@@ -37,7 +37,7 @@ def mistakes(joints: str, rest: str = "") -> list[Diagnostic]:
     return list(caught.value.diagnostics)
 
 
-def test_a_joint_of_an_old_file_is_what_it_was() -> None:
+def test_old_joint_keys_keep_their_meaning() -> None:
     joint = joint_of("{id: 6}")
     assert joint == JointKeys(id=6)
     assert (joint.model, joint.zero, joint.reverse, joint.lower, joint.upper) == ("AX-12A", 0.0, False, -2.6, 2.6)
@@ -49,14 +49,14 @@ def test_a_joint_of_an_old_file_is_what_it_was() -> None:
     assert joint_of("{id: 6, model: AX-12+}").model == "AX-12A"
 
 
-def test_an_arm_is_led_a_hundred_times_a_second_unless_its_file_says_otherwise() -> None:
+def test_arm_rate_defaults_to_100_hz_and_can_be_set() -> None:
     assert arm_of("    elbow: {id: 6}\n").rate == 100.0
     assert arm_of("    elbow: {id: 6}\n", "  rate: 40 Hz\n").rate == 40.0
     (fault,) = mistakes("    elbow: {id: 6}\n", "  rate: 2 kHz\n")
     assert (fault.mark.line, fault.mark.column) == (7, 9)
 
 
-def test_limits_that_are_not_given_are_what_the_servo_can_do() -> None:
+def test_joint_limits_default_to_the_servo_range() -> None:
     ex = joint_of("{id: 6, model: EX-106+}")
     assert ex.upper == pytest.approx(math.radians(250.92 / 2), abs=2e-3)
     turned = joint_of("{id: 6, zero: 90 deg, reverse: true}")
@@ -65,12 +65,12 @@ def test_limits_that_are_not_given_are_what_the_servo_can_do() -> None:
 
 
 @given(st.sampled_from(sorted(DYNAMIXEL_MODELS)), st.integers(-100, 100), st.booleans())
-def test_a_joint_without_limits_is_one_that_its_driver_takes(model: str, zero: int, reverse: bool) -> None:
+def test_joint_without_limits_is_valid_for_the_driver(model: str, zero: int, reverse: bool) -> None:
     arm = arm_of(f"    elbow: {{id: 6, model: {model}, zero: {zero} deg, reverse: {str(reverse).lower()}}}\n")
     assert specs(arm)["elbow"].errors() == []
 
 
-def test_limits_beyond_the_servo_are_a_fault_where_they_stand() -> None:
+def test_limits_beyond_the_servo_are_reported_with_position() -> None:
     (fault,) = mistakes("    elbow: {id: 6, limits: [-160 deg, 90 deg]}\n")
     assert (fault.mark.line, fault.mark.column) == (6, 28)
     assert fault.message == (
@@ -86,14 +86,14 @@ def test_limits_beyond_the_servo_are_a_fault_where_they_stand() -> None:
     ("written", "meant"),
     [("AX12", "AX-12"), ("ax-12a", "AX-12A"), ("EX-106", "EX-106+"), ("XL430", "XL430-W250"), ("MX28", "MX-28")],
 )
-def test_an_unknown_model_says_which_may_be_meant(written: str, meant: str) -> None:
+def test_unknown_servo_model_gives_a_suggestion(written: str, meant: str) -> None:
     (fault,) = mistakes(f"    elbow: {{id: 6, model: {written}}}\n")
     assert (fault.mark.line, fault.mark.column) == (6, 27)
     assert fault.message == f"'model' cannot be '{written}'"
     assert fault.suggestion == f"did you mean '{meant}'?; {UNSUPPORTED_HINT}"
 
 
-def test_ticks_say_where_a_joint_is_at_zero_and_how_far_it_goes() -> None:
+def test_ticks_define_zero_direction_and_limits() -> None:
     joint = joint_of("{id: 5, ticks: {init: 512, min: 0, max: 1023}}")
     assert (joint.zero, joint.reverse, joint.ticks) == (0.0, False, Ticks(init=512, min=0, max=1023))
     assert (joint.lower, joint.upper) == pytest.approx((-2.618, 2.613), abs=1e-3)
@@ -134,12 +134,12 @@ def test_ticks_mean_the_same_servo_positions_as_in_ros(
         ("{init: 5 deg, min: 0, max: 9}", 34, "'init' needs a whole number"),
     ],
 )
-def test_ticks_that_mean_nothing_are_faults(ticks: str, line: int, message: str) -> None:
+def test_invalid_ticks_are_reported(ticks: str, line: int, message: str) -> None:
     fault, *_ = mistakes(f"    elbow: {{id: 6, ticks: {ticks}}}\n")
     assert (fault.mark.line, fault.mark.column, fault.message) == (6, line, message)
 
 
-def test_a_joint_is_told_in_angles_or_in_ticks_and_not_in_both() -> None:
+def test_joint_with_both_angles_and_ticks_is_refused() -> None:
     line = "    elbow: {id: 6, zero: 9 deg, limits: [0 deg, 1 deg], reverse: true, ticks: {init: 5, min: 0, max: 9}}\n"
     assert [fault.message for fault in mistakes(line)] == [
         "'zero' is already defined by 'ticks'",
@@ -154,7 +154,7 @@ def test_a_group_is_a_name_for_several_joints() -> None:
     assert arm_of("    a: {id: 1}\n").groups == {}
 
 
-def test_all_that_is_wrong_with_groups_is_said_at_its_word() -> None:
+def test_all_faults_of_groups_are_reported_with_position() -> None:
     groups = "  groups:\n    elbow: [wrist]\n    b: [elbw, wrist, wrist]\n    c: []\n    d: wrist\n    e: [[wrist]]\n"
     faults = mistakes("    elbow: {id: 1}\n    wrist: {id: 2}\n", groups)
     assert [(fault.mark.line, fault.mark.column, fault.message, fault.suggestion) for fault in faults] == [
@@ -175,7 +175,7 @@ def test_id_253_is_no_servo_of_protocol_2_and_not_beside_one() -> None:
     assert (fault.mark.line, fault.message) == (6, "joint 'a' cannot have id 253 beside servos of protocol 2.0")
 
 
-def test_an_angle_is_within_limits_up_to_what_a_file_rounds() -> None:
+def test_limit_check_tolerates_rounding_of_the_file() -> None:
     assert limit_error("elbow", math.pi / 2 + 5e-7, (0.0, math.pi / 2)) == ""
     assert (
         limit_error("elbow", 2.0, (0.0, math.pi / 2)) == "'elbow' at 114.592 deg is outside its limits, 0 deg to 90 deg"
@@ -184,7 +184,7 @@ def test_an_angle_is_within_limits_up_to_what_a_file_rounds() -> None:
 
 
 @pytest.mark.parametrize("name", ["humanoid", "turtlebot2_arm", "so101", "so101_leader", "koch"])
-def test_the_joints_of_every_shipped_robot_are_ones_that_its_driver_takes(name: str) -> None:
+def test_joints_of_shipped_robots_are_valid_for_their_driver(name: str) -> None:
     arm = load_robot(shipped_files("robots")[name]).keys(DynamixelKeys)
     assert arm is not None
     for joint, spec in specs(arm).items():
@@ -192,7 +192,7 @@ def test_the_joints_of_every_shipped_robot_are_ones_that_its_driver_takes(name: 
         assert spec.speed <= MODELS[spec.model].free_speed, joint
 
 
-def test_the_humanoid_is_made_as_it_is_described() -> None:
+def test_humanoid_file_matches_its_description() -> None:
     robot = load_robot(shipped_files("robots")["humanoid"])
     arm = robot.keys(DynamixelKeys)
     assert arm is not None
@@ -219,7 +219,7 @@ def test_the_left_and_the_right_of_the_humanoid_are_mirror_images() -> None:
             assert right.reverse != left.reverse
 
 
-def test_a_path_reads_the_same_as_its_text(tmp_path: Path) -> None:
+def test_robot_file_reads_the_same_as_its_text(tmp_path: Path) -> None:
     file = tmp_path / "r.yaml"
     file.write_text("robot: r\narm: {driver: dynamixel, port: x, joints: {a: {id: 1}}}\n", encoding="utf-8")
     assert load_robot(file).arm == arm_of("    a: {id: 1}\n")

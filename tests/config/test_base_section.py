@@ -44,7 +44,7 @@ def told(*lines: str, section: str = BASE) -> list[tuple[int, int, str, str]]:
 # Reflexes
 
 
-def test_a_base_of_which_no_reflex_is_told_has_the_usual_ones() -> None:
+def test_reflexes_default_to_the_usual_ones() -> None:
     assert base().reflexes == Reflexes()
     assert base("reflexes: {}").reflexes == Reflexes()
 
@@ -75,7 +75,7 @@ def test_reflexes_are_read_in_si_units_and_the_battery_in_percent() -> None:
     )
 
 
-def test_a_battery_that_never_counts_as_low_may_still_be_critical() -> None:
+def test_battery_low_zero_may_have_a_critical_level() -> None:
     found = base("reflexes: {battery_low: 0 %, battery_critical: 10 %}").reflexes
     assert (found.battery_low, found.battery_critical) == (0.0, 10.0)
 
@@ -84,7 +84,7 @@ def test_a_base_has_as_many_buttons_as_files_may_name() -> None:
     assert range(BUTTON_COUNT) == range(len(BUTTONS_OF_A_KOBUKI))
 
 
-def test_all_mistakes_with_reflexes_come_at_once_each_under_its_word() -> None:
+def test_all_reflex_faults_are_reported_together_with_positions() -> None:
     assert told(
         "reflexes:",
         "  cliff: back_off",
@@ -119,20 +119,20 @@ def test_a_cliff_cannot_be_switched_off() -> None:
         ("reflexes: stop", "'reflexes' must be a mapping of keys to values, such as 'name: value'"),
     ],
 )
-def test_what_does_not_go_together_is_a_mistake(line: str, message: str) -> None:
+def test_contradictory_reflexes_are_reported(line: str, message: str) -> None:
     assert [found[2] for found in told(line)] == [message]
 
 
 # The range finder
 
 
-def test_a_range_finder_needs_little_more_than_its_port() -> None:
+def test_range_finder_needs_only_driver_and_port() -> None:
     assert ranger() == RPLidarKeys(
         port="/dev/rplidar", model="a1", baud=115_200, position=(0.0, 0.0, 0.2), yaw=0.0, blind=()
     )
 
 
-def test_where_a_range_finder_sits_and_what_it_does_not_see_is_read_in_si_units() -> None:
+def test_range_finder_mounting_and_blind_sectors_are_read_in_si_units() -> None:
     found = ranger(
         "model: a2",
         "baud: 256000",
@@ -149,7 +149,7 @@ def test_a_range_finder_is_a_part_of_the_robot() -> None:
     assert parse_robot(SourceText("r.yaml", RANGE)).parts == {"range"}
 
 
-def test_all_mistakes_with_a_range_finder_come_at_once_each_under_its_word() -> None:
+def test_all_range_finder_faults_are_reported_together_with_positions() -> None:
     assert told(
         "model: A1",
         "position: [1 m, 2 m]",
@@ -185,5 +185,5 @@ def test_the_turtlebot_without_an_arm_ships() -> None:
 
 
 @pytest.mark.parametrize("path", shipped_files("robots").values(), ids=lambda path: path.stem)
-def test_every_robot_that_ships_can_be_read(path: Path) -> None:
+def test_shipped_robot_files_load(path: Path) -> None:
     assert load_robot(path).name == path.stem

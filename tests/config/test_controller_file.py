@@ -32,7 +32,7 @@ def mistakes(file: Path, text: str) -> list[Diagnostic]:
     return list(caught.value.diagnostics)
 
 
-def test_a_controller_is_plain_values_with_its_quantities_in_si(file: Path) -> None:
+def test_controller_values_are_plain_and_in_si_units(file: Path) -> None:
     controller = load(
         file,
         "controller: face\nsummary: Follow.\npan:\n  inputs: {error: {left: 90 deg, ahead: [-1 rad, 1 rad]}}\n"
@@ -60,7 +60,7 @@ def test_rows_of_a_table_must_be_as_long_as_the_first(file: Path) -> None:
     ]
 
 
-def test_a_table_whose_head_is_no_list_is_told_once(file: Path) -> None:
+def test_rule_table_with_a_malformed_head_is_reported_once(file: Path) -> None:
     (fault,) = mistakes(file, "controller: face\npan:\n  rules:\n    e / r: a\n    left: [a, b]\n")
     assert fault.mark.line == 4
 
@@ -70,7 +70,7 @@ def test_a_controller_needs_a_name(file: Path) -> None:
     assert fault.message == "a controller file needs 'controller'"
 
 
-def test_a_key_that_no_rule_base_has_is_told_at_its_place(file: Path) -> None:
+def test_unknown_controller_key_is_reported_with_position(file: Path) -> None:
     faults = mistakes(file, "controller: face\npan: {ruels: [], p: -1}\npredict: no way\nroll: {}\n")
     assert [(fault.mark.line, fault.message, fault.suggestion) for fault in faults] == [
         (2, "'pan' has no key 'ruels'", "did you mean 'rules'?"),
@@ -113,7 +113,7 @@ def test_a_file_is_rewritten_in_place_and_keeps_all_else() -> None:
     assert replace_words(SMALL, {}) == TEXT
 
 
-def test_a_file_gets_another_name_and_summary_whatever_is_in_them() -> None:
+def test_controller_name_and_summary_are_replaced_in_place() -> None:
     text = replace_words(SMALL, name_changes(SMALL, "new one", 'Says: "no" # twice.'))
     config = parse_controller(SourceText("new.yaml", text))
     assert (config.name, config.summary) == ("new one", 'Says: "no" # twice.')
@@ -122,7 +122,7 @@ def test_a_file_gets_another_name_and_summary_whatever_is_in_them() -> None:
     assert "# its name" in text
 
 
-def test_a_summary_of_several_lines_is_left_as_it_is() -> None:
+def test_multi_line_summary_is_kept() -> None:
     source = SourceText("long.yaml", TEXT.replace("For 5 tests.", "For 5\n  tests."))
     text = replace_words(source, name_changes(source, "new", "Short."))
     assert parse_controller(SourceText("new.yaml", text)).summary == "For 5 tests."

@@ -18,14 +18,14 @@ def write(text: str) -> Path:
 
 
 @pytest.mark.parametrize("text", [None, "", "# nothing yet\n"])
-def test_without_a_word_in_it_there_are_no_defaults(text: str | None) -> None:
+def test_empty_defaults_file_gives_no_defaults(text: str | None) -> None:
     if text is not None:
         write(text)
     found = load_defaults()
     assert (found.robot, found.world, found.folders) == ("", "", ())
 
 
-def test_a_mistake_in_it_is_told_at_its_line() -> None:
+def test_defaults_fault_is_reported_with_its_line() -> None:
     write("robot: humanoid\nwrold: living_room\n")
     with pytest.raises(InvalidFileError, match=r"defaults\.yaml:2:1.*wrold"):
         load_defaults()
@@ -40,7 +40,7 @@ def test_one_default_is_written_and_the_rest_of_the_file_stays() -> None:
     assert load_defaults().robot == "turtlebot2"
 
 
-def test_files_of_ones_own_are_found_by_name_and_those_that_ship_stay_themselves(tmp_path: Path) -> None:
+def test_user_files_are_found_by_name_and_never_shadow_shipped_ones(tmp_path: Path) -> None:
     write(f"folders: [{tmp_path}]\n")
     for folder, name in ((config_folder(), "rosie"), (tmp_path, "rosie"), (tmp_path, "kit"), (tmp_path, "humanoid")):
         (folder / "robots").mkdir(parents=True, exist_ok=True)
@@ -52,14 +52,14 @@ def test_files_of_ones_own_are_found_by_name_and_those_that_ship_stay_themselves
     assert user_files("worlds") == {}
 
 
-def test_mine_is_this_computers_robot_and_without_one_says_how_to_have_it() -> None:
+def test_robot_mine_is_the_default_robot_or_gives_a_hint() -> None:
     with pytest.raises(UnknownNameError, match="mission robot use NAME"):
         find_file("robots", "mine")
     set_default("robot", "humanoid")
     assert find_file("robots", "mine").stem == "humanoid"
 
 
-def test_a_folder_that_cannot_be_read_is_named(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unreadable_folder_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     config_folder().mkdir(parents=True, exist_ok=True)
     (config_folder() / "robots").write_text("no folder")
     told = f"{config_folder() / 'robots'} cannot be read: Not a directory"

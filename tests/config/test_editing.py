@@ -48,12 +48,12 @@ def edited(text: str, *keys: str, value: str = "3 deg") -> str:
     return with_value(SourceText("mine.yaml", text), keys, value)
 
 
-def test_a_value_that_stands_there_is_replaced_and_nothing_else() -> None:
+def test_existing_value_is_replaced_in_place() -> None:
     assert edited(ROBOT, "head", "pan", "trim") == ROBOT.replace("trim: 1 deg", "trim: 3 deg")
     assert edited("a: {b: '1 deg' }\n", "a", "b") == "a: {b: 3 deg }\n"
 
 
-def test_a_value_that_is_not_there_yet_is_added_in_front() -> None:
+def test_missing_value_is_inserted_first() -> None:
     assert edited(ROBOT, "head", "tilt", "trim") == ROBOT.replace("    limits", "    trim: 3 deg\n    limits")
     assert edited("a: {}\n", "a", "b") == "a: {b: 3 deg}\n"
     assert edited("a:\r\n    c: 1\r\n", "a", "b") == "a:\r\n    b: 3 deg\r\n    c: 1\r\n"
@@ -61,7 +61,7 @@ def test_a_value_that_is_not_there_yet_is_added_in_front() -> None:
 
 
 @pytest.mark.parametrize("keys", [("arm", "trim"), ("robot", "trim"), ("head", "pan", "servo", "trim"), ("head",)])
-def test_a_place_that_is_not_there_is_said(keys: tuple[str, ...]) -> None:
+def test_missing_section_is_not_editable(keys: tuple[str, ...]) -> None:
     with pytest.raises(NotEditableError, match=r"mine\.yaml: "):
         edited(ROBOT, *keys)
 
@@ -85,7 +85,7 @@ def test_whatever_the_mapping_only_the_one_entry_changes(entries: dict[str, str]
     assert found == {**entries, key: "here"}
 
 
-def test_trims_are_kept_in_the_file_with_its_rights_and_through_a_link(robot: Path, tmp_path: Path) -> None:
+def test_keep_trims_preserves_permissions_and_symlink(robot: Path, tmp_path: Path) -> None:
     robot.chmod(0o640)
     link = tmp_path / "link.yaml"
     link.symlink_to(robot)
@@ -111,13 +111,13 @@ def test_a_byte_order_mark_and_windows_line_ends_stay(robot: Path) -> None:
     assert robot.read_bytes() == data.replace(b"trim: 1 deg", b"trim: 3 deg")
 
 
-def test_trims_that_stand_there_already_leave_the_file_alone(robot: Path) -> None:
+def test_unchanged_trims_leave_the_file_untouched(robot: Path) -> None:
     before = robot.stat().st_mtime_ns
     assert keep_trims(robot, radians(1), 0.0) == []
     assert robot.stat().st_mtime_ns == before
 
 
-def test_an_anchor_that_stands_for_two_values_is_left_to_a_person(robot: Path) -> None:
+def test_shared_anchor_is_not_edited(robot: Path) -> None:
     text = "robot: mine\nhead:\n  driver: arduino\n  port: /dev/nano\n"
     text += "  pan: {servo: 0, trim: &askew 1 deg}\n  tilt: {servo: 1, trim: *askew}\n"
     robot.write_text(text)
@@ -132,9 +132,7 @@ def test_a_robot_without_a_head_has_nothing_to_trim(robot: Path) -> None:
         keep_trims(robot, 0.1, 0.0)
 
 
-def test_a_full_disk_is_told_with_the_file_that_it_kept_from_being_written(
-    robot: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_is_reported_with_the_file_name(robot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(number: int, _: str) -> object:
         os.close(number)
         raise OSError(ENOSPC, "No space left on device")

@@ -20,7 +20,7 @@ from config.diagnostics import (
 SOURCE = SourceText("greet.yaml", "mission: greet\ntree:\n  - face_sen: 3\n")
 
 
-def test_a_fault_shows_its_place_the_line_and_carets_under_the_word() -> None:
+def test_diagnostic_shows_its_line_with_carets() -> None:
     fault = Diagnostic(SOURCE, Mark(3, 5, 8), "unknown behaviour 'face_sen'", "did you mean 'face_seen'?")
     assert str(fault) == (
         "greet.yaml:3:5: unknown behaviour 'face_sen'\n"
@@ -40,7 +40,7 @@ def carets(text: str, mark: Mark) -> tuple[str, str]:
     return shown, under
 
 
-def test_a_tab_counts_as_one_blank_so_that_carets_stand_right() -> None:
+def test_tab_counts_as_one_space_for_carets() -> None:
     assert carets("\ta: b", Mark(1, 5, 1)) == ("     1 |  a: b", "       |     ^")
 
 
@@ -49,7 +49,7 @@ def test_control_codes_do_not_reach_the_terminal() -> None:
     assert shown == "     1 | say: \ufffd[31m\ufffd"
 
 
-def test_wide_letters_move_the_carets_as_far_as_they_are_wide() -> None:
+def test_carets_account_for_wide_characters() -> None:
     assert carets("say: こん ${x}", Mark(1, 9, 4)) == ("     1 | say: こん ${x}", "       |           ^^^^")
     assert carets("say: cafe\u0301 x", Mark(1, 12, 1))[1] == "       |           ^"
 
@@ -69,7 +69,7 @@ def test_every_fault_can_be_shown(text: str, line: int, column: int, length: int
 
 
 @given(st.text("ab\n\r\u2028é", min_size=1), st.data())
-def test_a_place_is_where_its_character_stands(text: str, data: st.DataObject) -> None:
+def test_mark_at_points_to_its_character(text: str, data: st.DataObject) -> None:
     position = data.draw(st.integers(0, len(text) - 1).filter(lambda at: text[at] not in "\n\r\u2028"))
     mark = mark_at(text, position)
     assert SourceText("m", text).line(mark.line)[mark.column - 1] == text[position]
@@ -82,7 +82,7 @@ def test_faults_come_in_the_order_of_the_file_and_each_once() -> None:
     assert str(error) == f"{early}\n{late}"
 
 
-def test_noting_ends_with_an_error_once_there_are_too_many() -> None:
+def test_add_diagnostic_raises_at_the_maximum() -> None:
     faults: list[Diagnostic] = []
     for line in range(1, MAX_DIAGNOSTICS):
         add_diagnostic(faults, Diagnostic(SOURCE, Mark(line), "wrong"))
@@ -91,7 +91,7 @@ def test_noting_ends_with_an_error_once_there_are_too_many() -> None:
     assert len(caught.value.diagnostics) == MAX_DIAGNOSTICS
 
 
-def test_the_closest_word_is_suggested_whatever_its_case() -> None:
+def test_closest_word_is_suggested_case_insensitively() -> None:
     assert did_you_mean("trak_face", ["say", "track_face"]) == "did you mean 'track_face'?"
     assert did_you_mean("SAY", ["say"]) == "did you mean 'say'?"
     assert did_you_mean("ax-12a", ["AX-12A"]) == "did you mean 'AX-12A'?"
@@ -104,7 +104,7 @@ def test_one_slip_in_a_short_word_is_seen(word: str) -> None:
 
 
 @pytest.mark.parametrize(("word", "other"), [("dance", "race"), ("home", "house"), ("dance", "drive")])
-def test_a_short_word_that_only_has_the_same_letters_is_not_suggested(word: str, other: str) -> None:
+def test_short_anagram_is_not_suggested(word: str, other: str) -> None:
     assert did_you_mean(word, [other]) == ""
 
 
@@ -137,7 +137,7 @@ def test_where_nothing_is_close_all_words_are_listed_once() -> None:
         ("head_forward", "head_backward"),
     ],
 )
-def test_a_word_is_never_taken_for_its_opposite(word: str, known: str) -> None:
+def test_opposite_word_is_not_suggested(word: str, known: str) -> None:
     assert closest(word, [known]) == closest(known, [word]) == ""
     assert closest(word, [known, "something_else", "docking", "charged"]) == ""
 
@@ -152,5 +152,5 @@ def test_a_word_is_never_taken_for_its_opposite(word: str, known: str) -> None:
         ("inedx", "index"),
     ],
 )
-def test_a_slip_in_a_word_with_an_opposite_is_still_meant(slip: str, known: str) -> None:
+def test_typo_in_a_word_with_an_opposite_is_corrected(slip: str, known: str) -> None:
     assert closest(slip, [known]) == known

@@ -41,13 +41,13 @@ def written(folder: Path, **motors: object) -> Path:
     return path
 
 
-def test_without_a_calibration_file_a_joint_is_what_the_robot_file_says() -> None:
+def test_joint_without_calibration_uses_the_robot_file() -> None:
     elbow = arm_of(None, "id: 3, limits: [-90 deg, 80 deg]").servos["elbow"]
     assert (elbow.model, elbow.zero) == ("STS3215", 0.0)
     assert degrees(elbow.upper) == pytest.approx(80)
 
 
-def test_a_calibration_file_says_where_0_lies_how_far_it_goes_and_its_offset(tmp_path: Path) -> None:
+def test_calibration_file_sets_zero_limits_and_offset(tmp_path: Path) -> None:
     arm = arm_of(written(tmp_path))
     elbow, jaw = arm.servos["elbow"], arm.servos["jaw"]
     tick = elbow.servo_model.tick
@@ -67,7 +67,7 @@ def test_drive_mode_1_turns_the_joint_round(tmp_path: Path) -> None:
     assert jaw.zero == pytest.approx((3500 - 2048) * jaw.servo_model.tick)
 
 
-def test_what_the_robot_file_says_of_a_joint_holds(tmp_path: Path) -> None:
+def test_robot_file_overrides_the_calibration(tmp_path: Path) -> None:
     elbow = arm_of(written(tmp_path), "id: 3, limits: [-10 deg, 10 deg], zero: 5 deg").servos["elbow"]
     assert (elbow.zero, elbow.upper) == pytest.approx((radians(5), radians(10)))
 
@@ -83,7 +83,7 @@ def test_what_the_robot_file_says_of_a_joint_holds(tmp_path: Path) -> None:
         ({"id": 4}, "motor 'elbow': 'id' is 4, and joint 'elbow' has 3"),
     ],
 )
-def test_a_wrong_field_is_told_with_its_motor_and_its_value(
+def test_invalid_calibration_field_is_reported_with_motor_and_value(
     tmp_path_factory: pytest.TempPathFactory, told: dict[str, Any], words: str
 ) -> None:
     (fault,) = faults_of(written(tmp_path_factory.mktemp("c"), elbow=ELBOW | told))
@@ -91,7 +91,7 @@ def test_a_wrong_field_is_told_with_its_motor_and_its_value(
     assert fault.mark.line in (5, 7)
 
 
-def test_several_faults_are_told_at_once(tmp_path: Path) -> None:
+def test_all_calibration_faults_are_reported_together(tmp_path: Path) -> None:
     lacking = {key: value for key, value in ELBOW.items() if key != "range_max"}
     (fault,) = faults_of(written(tmp_path, elbow=lacking, jaw=7))
     assert "motor 'elbow' lacks 'range_max'" in fault.message
@@ -99,14 +99,14 @@ def test_several_faults_are_told_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("held", ["[" * 100_000, '{"a":' * 100_000, "9" * 100_000])
-def test_brackets_in_brackets_and_endless_numbers_are_told_as_no_json(tmp_path: Path, held: str) -> None:
+def test_nested_brackets_and_endless_numbers_are_invalid_json(tmp_path: Path, held: str) -> None:
     path = tmp_path / "so101.json"
     path.write_text(held)
     (fault,) = faults_of(path)
     assert "invalid JSON" in fault.message
 
 
-def test_a_motor_that_is_there_twice_is_told(tmp_path: Path) -> None:
+def test_duplicate_motor_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "so101.json"
     path.write_text(f'{{"jaw": {json.dumps(JAW)}, "jaw": {json.dumps(JAW)}}}')
     (fault,) = faults_of(path)
@@ -118,7 +118,7 @@ def test_a_pipe_or_an_endless_device_is_no_calibration_and_is_not_waited_for() -
     assert "calibration /dev/zero" in fault.message
 
 
-def test_a_motor_that_the_file_lacks_a_file_that_is_none_and_one_that_is_not_there_are_told(tmp_path: Path) -> None:
+def test_missing_motor_invalid_file_and_missing_file_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "so101.json"
     path.write_text(json.dumps({"elbow_flex": ELBOW, "jaw": JAW}))
     assert f"calibration {path} has no motor 'elbow'" in faults_of(path)[0].message
@@ -130,7 +130,7 @@ def test_a_motor_that_the_file_lacks_a_file_that_is_none_and_one_that_is_not_the
     assert "name the file as `ls` shows it" in fault.suggestion
 
 
-def test_a_file_is_written_as_it_was_read(tmp_path: Path) -> None:
+def test_calibration_round_trips(tmp_path: Path) -> None:
     path = written(tmp_path)
     assert json.loads(format_calibration(load_calibration(str(path)))) == {"elbow": ELBOW, "jaw": JAW}
 

@@ -38,7 +38,7 @@ def test_a_gesture_is_read_in_seconds_and_radians(file: Path) -> None:
     assert lowered == {"neck": 0.0, "waist": pytest.approx(-math.pi / 2)}
 
 
-def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
+def test_all_faults_are_reported_together_with_positions(file: Path) -> None:
     faults = mistakes(
         file,
         "gesture: nod\n"
@@ -76,7 +76,7 @@ def test_a_gesture_needs_a_name_and_keyframes(file: Path, text: str, message: st
     assert [fault.message for fault in mistakes(file, text)] == [message]
 
 
-def test_a_movement_through_its_keyframes_may_begin_at_once(file: Path) -> None:
+def test_cubic_gesture_may_start_at_zero(file: Path) -> None:
     text = "gesture: nod\ninterpolation: cubic\nkeyframes:\n  - {at: 0 s, neck: 1 deg}\n  - {at: 1 s, neck: 2 deg}\n"
     gesture = load(file, text)
     assert gesture.interpolation == "cubic"

@@ -31,7 +31,7 @@ def faults_of(section: str, rest: str = "") -> list[str]:
     return [f"{fault.mark.line}: {fault.message}" for fault in caught.value.diagnostics]
 
 
-def test_rodneys_own_parameters_can_be_written_as_they_are() -> None:
+def test_rodney_parameters_are_accepted_unchanged() -> None:
     head = head_of("""
   driver: arduino
   port: /dev/nano
@@ -104,7 +104,7 @@ def test_mistakes_in_a_neck_stand_at_their_places() -> None:
     ]
 
 
-def test_every_shipped_robot_says_how_hard_its_head_may_speed_up() -> None:
+def test_shipped_robots_define_a_head_acceleration() -> None:
     for path in (Path(__file__).parents[2] / "config" / "robots").glob("*.yaml"):
         head = load_robot(path).head
         assert head is None or 1.0 < head.acceleration < 50.0

@@ -37,6 +37,6 @@ def test_mistakes_are_shown(section: str, said: str) -> None:
         camera(f"  identity: {section}\n")
 
 
-def test_people_of_a_world_are_known_unless_it_says_otherwise() -> None:
+def test_people_are_known_by_default() -> None:
     text = "world: w\npeople:\n  - {name: Anna, at: [1.5 m, 0 m]}\n  - {name: Zoe, at: [2.5 m, 1 m], known: false}\n"
     assert [person.known for person in parse_world(SourceText("w.yaml", text)).people] == [True, False]

@@ -41,7 +41,7 @@ def test_without_a_calibration_the_lens_is_ideal_and_faces_are_found_by_haar(fil
     assert (camera.detector, camera.model) == ("haar", "")
 
 
-def test_what_was_kept_is_read_again_and_nothing_else_has_changed(file: Path) -> None:
+def test_written_lens_is_read_again_and_the_rest_is_unchanged(file: Path) -> None:
     write_lens(file, ENTRIES)
     camera = camera_in(file)
     assert camera.field_of_view == pytest.approx(1.0123, abs=1e-5)
@@ -68,7 +68,7 @@ def test_a_camera_in_braces_can_be_changed_too(tmp_path: Path) -> None:
     assert camera_in(path).centre == pytest.approx((0.515, 0.48))
 
 
-def test_a_robot_that_ships_is_to_be_copied_first() -> None:
+def test_shipped_robot_must_be_copied_before_writing_the_lens() -> None:
     path = shipped_files("robots")["turtlebot2_arm"]
     before = path.read_text()
     with pytest.raises(NotEditableError, match=r"(?s)ships with MissionTree.*cp .*--keep my_turtlebot2_arm.yaml"):
@@ -76,14 +76,14 @@ def test_a_robot_that_ships_is_to_be_copied_first() -> None:
     assert path.read_text() == before
 
 
-def test_a_robot_without_a_camera_says_so(tmp_path: Path) -> None:
+def test_robot_without_a_camera_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "blind.yaml"
     path.write_text("robot: blind\n")
     with pytest.raises(NotEditableError, match="blind has no camera"):
         write_lens(path, ENTRIES)
 
 
-def test_a_value_that_stands_for_two_things_is_left_alone(tmp_path: Path) -> None:
+def test_shared_anchor_is_not_overwritten_by_the_lens(tmp_path: Path) -> None:
     path = tmp_path / "anchored.yaml"
     path.write_text(
         "robot: anchored\nhead: {driver: arduino, port: /dev/nano, pan: {limits: [-10 deg, &wide 60 deg]}, tilt: {}}\n"

@@ -13,7 +13,7 @@ KINDS = ("robots", "gestures", "worlds", "controllers")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_kind_ships_files_that_are_found_by_name(kind: str) -> None:
+def test_shipped_files_are_found_by_name(kind: str) -> None:
     library = shipped_files(kind)
     assert library
     assert list(library) == sorted(library)
@@ -22,7 +22,7 @@ def test_every_kind_ships_files_that_are_found_by_name(kind: str) -> None:
         assert path.is_file()
 
 
-def test_a_file_is_found_by_its_path(tmp_path: Path) -> None:
+def test_file_is_found_by_path(tmp_path: Path) -> None:
     with_suffix, without = tmp_path / "mine.yaml", tmp_path / "mine"
     for file in (with_suffix, without):
         file.write_text("robot: mine\n", encoding="utf-8")
@@ -47,14 +47,14 @@ def test_the_library_comes_before_a_file_of_the_same_name(tmp_path: Path, monkey
         ("x" * 5000, f"unknown gesture '{'x' * 60}...'; known are: hello, wave"),
     ],
 )
-def test_an_unknown_name_says_what_there_is(name: str, message: str) -> None:
+def test_unknown_name_lists_the_available_ones(name: str, message: str) -> None:
     library = {"hello": Path("hello.yaml"), "wave": Path("wave.yaml")}
     with pytest.raises(UnknownNameError) as caught:
         find_file("gestures", name, library=library)
     assert caught.value.args[0] == message
 
 
-def test_a_path_that_leads_to_no_regular_file_is_not_called_missing(folder: Path) -> None:
+def test_irregular_file_is_reported_as_such(folder: Path) -> None:
     os.mkfifo(folder / "pipe.yaml")
     (folder / "folder.yaml").mkdir()
     (folder / "loop.yaml").symlink_to("loop.yaml")
@@ -107,12 +107,12 @@ def said_of(kind: str, name: str, *, library: dict[str, Path] | None = None, bes
         ("missions", "xyzzy", "unknown mission 'xyzzy'; `mission list missions` has all"),
     ],
 )
-def test_a_slip_in_a_name_is_answered_with_what_may_be_meant(folder: Path, kind: str, name: str, said: str) -> None:
+def test_misspelt_name_gives_a_suggestion(folder: Path, kind: str, name: str, said: str) -> None:
     del folder
     assert said_of(kind, name, library=MISSIONS if kind == "missions" else None) == said
 
 
-def test_many_names_that_would_do_are_not_all_told(folder: Path) -> None:
+def test_suggestions_are_limited_to_five(folder: Path) -> None:
     del folder
     many = {f"patrol_{number}": Path("x") for number in range(9)}
     said = said_of("missions", "trol", library=many)
@@ -120,7 +120,7 @@ def test_many_names_that_would_do_are_not_all_told(folder: Path) -> None:
     assert said.endswith("; `mission list missions` has more")
 
 
-def test_a_file_beside_the_one_that_names_it_is_meant_from_there(folder: Path) -> None:
+def test_file_is_found_beside_the_referring_file(folder: Path) -> None:
     assert said_of("missions", "ask", library={}, beside=folder).endswith("did you mean the file 'ask.yaml'?")
     assert find_file("missions", "ask.yaml", library={}, folder=folder) == folder / "ask.yaml"
 
@@ -136,24 +136,24 @@ def test_a_file_beside_the_one_that_names_it_is_meant_from_there(folder: Path) -
         ("missions", "home.yml", "'home.yml': no such file; home.yaml is a world: "),
     ],
 )
-def test_a_file_of_another_kind_says_what_it_is_for(folder: Path, kind: str, name: str, said: str) -> None:
+def test_file_of_another_kind_is_reported_with_its_use(folder: Path, kind: str, name: str, said: str) -> None:
     del folder
     assert said_of(kind, name).startswith(said)
 
 
 @pytest.mark.parametrize("text", ["", "sumary: a world: of things\n", "{mission: m}", "tree:\n  world: x\n", "\xff"])
-def test_a_file_that_does_not_say_what_it_is_is_read_as_what_was_asked_for(folder: Path, text: str) -> None:
+def test_file_without_a_kind_is_accepted_as_the_requested_kind(folder: Path, text: str) -> None:
     (folder / "x.yaml").write_bytes(text.encode("latin-1"))
     assert find_file("worlds", "x.yaml") == Path("x.yaml")
 
 
-def test_a_file_that_has_the_key_of_its_kind_may_have_others(folder: Path) -> None:
+def test_file_with_its_kind_key_may_have_other_keys(folder: Path) -> None:
     (folder / "x.yaml").write_text("robot: marvin\nworld: x\n", encoding="utf-8")
     assert find_file("worlds", "x.yaml") == Path("x.yaml")
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "objects"])
-def test_every_file_that_ships_is_known_for_what_it_is(kind: str) -> None:
+def test_shipped_files_have_the_right_kind(kind: str) -> None:
     assert {tuple(kinds_of(path)[:1]) for path in shipped_files(kind).values()} == {(kind,)}
 
 

@@ -62,7 +62,7 @@ def the_mistake(text: str) -> Diagnostic:
         ("-1.5E-3", -0.0015),
     ],
 )
-def test_plain_words_and_numbers_mean_what_yaml_1_2_says(written: str, meant: object) -> None:
+def test_plain_scalars_follow_yaml_1_2(written: str, meant: object) -> None:
     found = plain_value(written)
     assert found == meant
     assert type(found) is type(meant)
@@ -72,16 +72,16 @@ def test_plain_words_and_numbers_mean_what_yaml_1_2_says(written: str, meant: ob
     "word",
     ["yes", "on", "off", "True", "12:30", "0x1F", "0o17", "1__0", "1_", "_1", "1_.5", ".", "-", "e5", "٣", "½", ".inf"],
 )
-def test_everything_else_stays_the_text_it_is(word: str) -> None:
+def test_other_scalars_stay_text(word: str) -> None:
     assert plain_value(word) == word
 
 
 @pytest.mark.parametrize("number", ["1e999", "-1e999", "9" * 400, "9" * 5000, "1" + "_0" * 5000])
-def test_a_number_too_large_to_be_meant_stays_a_text(number: str) -> None:
+def test_too_large_number_stays_text(number: str) -> None:
     assert plain_value(number) == number
 
 
-def test_nodes_know_where_they_stand_and_keep_the_order_of_the_file() -> None:
+def test_yaml_nodes_have_marks_and_keep_the_file_order() -> None:
     root = read("robot: r2\nports: [a, 'b c']\n")
     assert isinstance(root, Mapping)
     assert list(root.keys()) == ["robot", "ports"]
@@ -111,18 +111,18 @@ def test_windows_line_ends_and_a_byte_order_mark_do_not_matter(tmp_path: Path) -
     assert (rate.text, rate.mark) == ("20 Hz", Mark(2, 7, 5))
 
 
-def test_an_alias_is_the_node_that_it_names() -> None:
+def test_alias_is_the_node_of_its_anchor() -> None:
     root = read("a: &one [1, 2]\nb: *one\n")
     assert isinstance(root, Mapping)
     assert root.get("a") is root.get("b")
 
 
-def test_a_key_that_stands_twice_is_told_with_its_first_line() -> None:
+def test_duplicate_key_is_reported_with_its_first_line() -> None:
     fault = the_mistake("a: 1\nb: 2\na: 3\n")
     assert (fault.mark, fault.message) == (Mark(3, 1, 1), "'a' is a duplicate key (first at line 1)")
 
 
-def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
+def test_recoverable_faults_are_collected() -> None:
     faults: list[Diagnostic] = []
     root = compose(SourceText("m.yaml", "a: 1\na: 2\nb: !x 3\n"), faults)
     assert isinstance(root, Mapping)
@@ -180,7 +180,9 @@ def test_mistakes_after_which_reading_goes_on_can_be_gathered() -> None:
         ("a: \x1b[31m\n", Mark(1, 4), "YAML does not allow: U+001B", ""),
     ],
 )
-def test_a_slip_is_told_at_its_place_with_what_to_write(text: str, mark: Mark, message: str, suggestion: str) -> None:
+def test_yaml_fault_is_reported_with_position_and_suggestion(
+    text: str, mark: Mark, message: str, suggestion: str
+) -> None:
     fault = the_mistake(text)
     assert message in fault.message
     assert suggestion in fault.suggestion
@@ -199,7 +201,7 @@ def test_aliases_cannot_nest_deeper_than_anything_else() -> None:
     assert (fault.mark.line, fault.message) == (2, f"nested more than {MAX_DEPTH} deep")
 
 
-def test_a_yaml_bomb_is_refused_by_what_it_expands_to() -> None:
+def test_yaml_bomb_is_refused_by_its_expanded_size() -> None:
     assert f"more than {MAX_NODES:,} nodes" in the_mistake(BOMB).message
 
 
@@ -207,19 +209,19 @@ def test_a_file_with_too_many_nodes_is_refused() -> None:
     assert "more than" in the_mistake("- x\n" * (MAX_NODES + 1)).message
 
 
-def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
+def test_too_large_file_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "big.yaml"
     file.write_bytes(b"#" * (MAX_BYTES + 1))
     with pytest.raises(InvalidFileError, match="larger than 1,000,000 bytes"):
         read_source(file)
 
 
-def test_a_missing_file_says_so(tmp_path: Path) -> None:
+def test_missing_file_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InvalidFileError, match=r"gone\.yaml:1:1: cannot be read: No such file"):
         read_source(tmp_path / "gone.yaml")
 
 
-def test_a_byte_that_is_not_utf_8_is_told_at_its_place(tmp_path: Path) -> None:
+def test_invalid_utf_8_byte_is_reported_with_position(tmp_path: Path) -> None:
     file = tmp_path / "latin.yaml"
     file.write_bytes("é: 1\nsay: größe\n".encode() + b"name: caf\xe9\n")
     with pytest.raises(InvalidFileError) as caught:
@@ -229,7 +231,7 @@ def test_a_byte_that_is_not_utf_8_is_told_at_its_place(tmp_path: Path) -> None:
     assert fault.suggestion == "save the file as UTF-8"
 
 
-def test_a_source_can_go_by_another_name(tmp_path: Path) -> None:
+def test_source_can_have_a_display_name(tmp_path: Path) -> None:
     file = tmp_path / "a.yaml"
     file.write_text("x: 1\n", encoding="utf-8")
     assert read_source(file, "shown.yaml") == SourceText("shown.yaml", "x: 1\n")

@@ -20,7 +20,7 @@ def robot(text: str) -> RobotConfig:
     return parse_robot(SourceText("r.yaml", f"robot: r\n{text}\n"))
 
 
-def test_a_robot_without_the_sections_has_no_such_parts() -> None:
+def test_missing_sections_give_no_parts() -> None:
     assert robot("voice: {}").parts == {"voice"}
 
 
@@ -30,7 +30,7 @@ def test_empty_sections_mean_the_sound_card_and_a_page() -> None:
     assert found.parts == {"microphone", "screen"}
 
 
-def test_all_of_them_is_read() -> None:
+def test_microphone_and_screen_sections_are_read() -> None:
     found = robot(
         "microphone: {driver: file, source: a.wav, recogniser: vosk, model: m, threshold: 1.5,"
         " pronunciations: {Rodney: r aa d n iy}}\n"
@@ -62,7 +62,7 @@ def test_all_of_them_is_read() -> None:
         ("screen: {mood: hapy}", "did you mean 'happy'?"),
     ],
 )
-def test_what_is_wrong_is_told(text: str, said: str) -> None:
+def test_microphone_section_faults_are_reported(text: str, said: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
         robot(text)
     (fault,) = caught.value.diagnostics
@@ -73,7 +73,7 @@ def test_what_is_wrong_is_told(text: str, said: str) -> None:
 @example("O\u2019Hara")
 @example("Cafe\u0301")
 @example("\u0390")
-def test_what_is_pronounced_is_a_word_as_it_is_listened_for(key: str) -> None:
+def test_pronunciation_keys_are_normalised_as_phrases(key: str) -> None:
     try:
         section = robot(f"microphone: {{pronunciations: {{{json.dumps(key)}: AA}}}}").microphone
     except InvalidFileError:
@@ -94,5 +94,5 @@ def test_words_are_taken_in_any_writing(key: str, word: str) -> None:
     assert section.pronunciations == {word: "AA"}
 
 
-def test_the_phones_of_files_are_those_that_the_model_has() -> None:
+def test_phones_of_the_file_equal_those_of_the_model() -> None:
     assert set(PHONES) == set(KIND_OF) - {"SIL"}

@@ -33,7 +33,7 @@ def mistakes(text: str, joints: tuple[str, ...] | None = None) -> list[Diagnosti
     return list(caught.value.diagnostics)
 
 
-def test_a_move_says_of_what_its_joints_are_made() -> None:
+def test_move_file_defines_the_source_of_each_joint() -> None:
     move = read(WHOLE)
     assert (move.name, move.summary, move.sheet) == ("reach", "A reach.", Path("folder/reach.xlsx"))
     assert (move.tab, move.rate, move.degrees, move.dead_band) == ("Camera", 50.0, True, radians(0.5))
@@ -44,26 +44,26 @@ def test_a_move_says_of_what_its_joints_are_made() -> None:
     }
 
 
-def test_what_is_not_said_is_left_open() -> None:
+def test_omitted_move_keys_stay_unset() -> None:
     move = read("move: m\nsheet: m.csv\njoints: {elbow: {column: elbow}}\n")
     assert (move.tab, move.rate, move.degrees, move.dead_band) == (None, None, False, None)
     assert move.joints["elbow"] == JointSource("elbow")
 
 
-def test_a_joint_names_the_columns_that_it_is_made_of() -> None:
+def test_joint_source_lists_its_column_headings() -> None:
     joints = read(WHOLE).joints
     assert joints["elbow"].headings == ["L_ELBOW"]
     assert joints["wrist"].headings[:4] == ["elbow_x", "elbow_y", "elbow_z", "wrist_x"]
     assert joints["shoulder"].headings == ["hip_y", "hip_z", "shoulder_y", "shoulder_z", "elbow_y", "elbow_z"]
 
 
-def test_a_move_is_told_from_a_gesture() -> None:
+def test_move_file_is_distinguished_from_a_gesture() -> None:
     assert is_move(SourceText("x", WHOLE))
     assert is_move(SourceText("x", "# a sheet\nsheet: x.csv\n"))
     assert not is_move(SourceText("x", "gesture: move\nsummary: sheet\nkeyframes:\n  - {at: 1 s, sheet: 1 deg}\n"))
 
 
-def test_all_that_is_wrong_is_said_at_its_word() -> None:
+def test_all_move_file_faults_are_reported_with_position() -> None:
     faults = mistakes(
         "move: m\n"
         "tempo: 50 Hz\n"
@@ -108,7 +108,7 @@ def test_a_move_needs_a_name_a_sheet_and_joints(text: str, message: str) -> None
     assert [fault.message for fault in mistakes(text)] == [message]
 
 
-def test_a_joint_that_the_robot_lacks_is_said_with_what_may_be_meant() -> None:
+def test_unknown_joint_gives_a_suggestion() -> None:
     (fault,) = mistakes(WHOLE, ("elbow", "wrist", "shoulder_roll"))
     assert (fault.mark.line, fault.message) == (11, "there is no joint 'shoulder'")
     assert fault.suggestion == "did you mean 'shoulder_roll'?"

@@ -42,7 +42,7 @@ def test_each_way_is_read() -> None:
     )
 
 
-def test_a_robot_that_says_nothing_has_none() -> None:
+def test_notices_default_to_none() -> None:
     assert parse_robot(SourceText("robot.yaml", "robot: mine")).notices == ()
 
 
@@ -71,7 +71,7 @@ def test_a_robot_that_says_nothing_has_none() -> None:
         ("  terminal", "'notices' needs a list", ""),
     ],
 )
-def test_what_is_wrong_is_told_at_its_place(text: str, fault: str, hint: str) -> None:
+def test_notice_faults_are_reported_with_position(text: str, fault: str, hint: str) -> None:
     with pytest.raises(InvalidFileError) as raised:
         notices(text)
     (found, *_) = raised.value.diagnostics
@@ -90,22 +90,22 @@ WAYS: list[NoticeConfig] = [
 
 
 @pytest.mark.parametrize("way", WAYS, ids=lambda way: type(way).__name__)
-def test_what_is_written_can_be_read_again(way: NoticeConfig) -> None:
+def test_encoded_notice_round_trips(way: NoticeConfig) -> None:
     assert decode_notice(encode_notice(way)) == way
 
 
-def test_people_see_a_way_without_its_secrets() -> None:
+def test_public_text_hides_secrets() -> None:
     assert [public_text(encode_notice(way)) for way in WAYS] == [
         "terminal", "command sh", "webhook https://x", "webhook CHAT_URL", "mqtt h:1",
     ]  # fmt: skip
     assert public_text("an old way") == "an old way"
 
 
-def test_a_way_that_was_written_before_addresses_could_come_from_elsewhere_is_read() -> None:
+def test_old_encoding_of_a_webhook_is_read() -> None:
     assert decode_notice('{"webhook": {"headers": {}, "url": "https://x"}}') == WebhookNotice("https://x")
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"terminal": {"x": 1}}', '{"terminal": {}, "command": {}}', "null"])
-def test_what_was_never_written_is_refused(text: str) -> None:
+def test_invalid_notice_encoding_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match="no way to send notices"):
         decode_notice(text)

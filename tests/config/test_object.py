@@ -25,7 +25,7 @@ from config.object import FORMS, HUES, SHAPES, SIZES, load_object, read_phrase
         ("purple object", "purple", "thing", None),
     ],
 )
-def test_a_phrase_says_size_colour_and_shape(phrase: str, colour: str, shape: str, size: float | None) -> None:
+def test_object_phrase_gives_size_colour_and_shape(phrase: str, colour: str, shape: str, size: float | None) -> None:
     found = read_phrase(phrase)
     assert (found.colour, found.shape, found.size) == (colour, shape, size)
     assert found.name == " ".join(phrase.lower().split())
@@ -45,7 +45,7 @@ def test_a_phrase_says_size_colour_and_shape(phrase: str, colour: str, shape: st
         ("mauve box", "'mauve' is not a colour"),
     ],
 )
-def test_a_phrase_that_is_wrong_is_refused_with_what_to_write(phrase: str, said: str) -> None:
+def test_invalid_object_phrase_is_refused_with_a_hint(phrase: str, said: str) -> None:
     with pytest.raises(ValueError, match=said.replace("?", r"\?")):
         read_phrase(phrase)
 
@@ -61,19 +61,19 @@ def test_every_row_of_words_is_read_or_refused(phrase: str) -> None:
         assert read_phrase(found.name) == found
 
 
-def test_the_colours_are_those_that_worlds_have() -> None:
+def test_object_colours_are_world_colours() -> None:
     assert set(HUES) < set(COLOURS)
 
 
 @pytest.mark.parametrize("name", shipped_files("objects"))
-def test_every_shipped_object_bears_its_name(name: str) -> None:
+def test_shipped_object_files_match_their_name(name: str) -> None:
     found = load_object(shipped_files("objects")[name])
     assert found.name == name
     assert found.summary
     assert found.size is not None
 
 
-def test_a_file_is_told_all_its_mistakes_at_once(tmp_path: Path) -> None:
+def test_all_object_file_faults_are_reported_together(tmp_path: Path) -> None:
     path = tmp_path / "cup.yaml"
     path.write_text("object: cup\ncolour: grey\nshape: cone\nsize: 9\nheight: 3 cm\n")
     with pytest.raises(InvalidFileError) as caught:

@@ -25,7 +25,7 @@ def test_pipes_devices_and_sockets_are_refused_without_waiting(tmp_path: Path) -
         read_source(pipe)
 
 
-def test_no_more_of_a_file_is_read_than_is_wanted(tmp_path: Path) -> None:
+def test_read_regular_is_limited_in_size(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"1234")
     assert read_regular(path, 4) == b"1234"
@@ -33,12 +33,12 @@ def test_no_more_of_a_file_is_read_than_is_wanted(tmp_path: Path) -> None:
         read_regular(path, 3)
 
 
-def test_a_folder_is_told_as_the_system_tells_it(tmp_path: Path) -> None:
+def test_read_regular_raises_is_a_directory_error_for_a_folder(tmp_path: Path) -> None:
     with pytest.raises(IsADirectoryError):
         read_regular(tmp_path, 1)
 
 
 @pytest.mark.parametrize("text", ["", "[]", "null", "[" * 100_000, '{"a":' * 100_000, b"\xff", "9" * 5000])
-def test_every_text_that_is_not_a_json_object_is_a_value_error(text: str | bytes) -> None:
+def test_text_that_is_not_a_json_object_raises_value_error(text: str | bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
         parse_object(text)

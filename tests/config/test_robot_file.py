@@ -77,14 +77,14 @@ def test_a_robot_is_read_in_si_units(file: Path) -> None:
     assert robot.sections["voice"].driver.name == "print"
 
 
-def test_a_part_that_is_not_named_is_not_there(file: Path) -> None:
+def test_robot_has_only_the_named_parts(file: Path) -> None:
     robot = load(file, "robot: r2\nvoice: {}\n")
     assert robot.parts == {"voice"}
     assert robot.rate == 20.0
     assert (robot.base, robot.head, robot.arm, robot.camera) == (None, None, None, None)
 
 
-def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
+def test_all_faults_are_reported_together_with_positions(file: Path) -> None:
     faults = mistakes(
         file,
         "robot: r2\n"
@@ -125,7 +125,7 @@ def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
         ("robot: r2\nrobot: r3\n", "'robot' is a duplicate key (first at line 1)"),
     ],
 )
-def test_a_mistake_says_what_is_needed(file: Path, text: str, message: str) -> None:
+def test_robot_file_fault_names_the_required_value(file: Path, text: str, message: str) -> None:
     assert [fault.message for fault in mistakes(file, text)] == [message]
 
 
@@ -149,7 +149,7 @@ def test_two_joints_cannot_share_an_id(file: Path) -> None:
     assert fault.message == "joint 'c' has id 1, as 'a' has"
 
 
-def test_joints_without_an_id_are_not_said_to_share_one(file: Path) -> None:
+def test_missing_ids_are_not_reported_as_duplicates(file: Path) -> None:
     text = "robot: r\narm:\n  driver: dynamixel\n  port: x\n  joints:\n    a: {}\n    b: {}\n    c: {id: 300}\n"
     assert [fault.message for fault in mistakes(file, text)] == [
         "joint 'a' needs 'id'",
@@ -169,7 +169,7 @@ def test_a_wrong_limit_is_not_called_out_of_order_too(file: Path) -> None:
     assert "unknown unit 'dge'" in fault.message
 
 
-def test_how_long_a_base_may_be_away_is_said_in_its_section(tmp_path: Path) -> None:
+def test_reconnect_times_are_read_from_the_base_section(tmp_path: Path) -> None:
     path = tmp_path / "away.yaml"
     path.write_text("robot: r\nbase:\n  driver: kobuki\n  port: /dev/kobuki\n  away: {decide_after: 500 ms}\n")
     base = load_robot(path).base

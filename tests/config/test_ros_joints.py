@@ -65,7 +65,7 @@ def test_the_lower_of_speed_and_top_speed_is_the_limit() -> None:
     assert (joints["gripper"].torque, joints["waist_turn"].torque) == (0.6, 1.0)
 
 
-def test_what_has_no_place_in_a_robot_file_is_said() -> None:
+def test_unsupported_ros_parameter_is_noted() -> None:
     (note,) = load_ros_joints(TEN).notes
     assert note.message == "'joint_compliance_slope' is left out: the compliance of a servo stays as it is"
     assert note.source.line(note.mark.line) == "    joint_compliance_slope: 64"
@@ -83,7 +83,7 @@ def test_what_has_no_place_in_a_robot_file_is_said() -> None:
         ),
     ],
 )
-def test_what_ros_ignores_and_what_is_no_joint_is_left_out_and_said(text: str, line: int, message: str) -> None:
+def test_invalid_ros_entries_are_skipped_with_a_note(text: str, line: int, message: str) -> None:
     found = read(text)
     assert list(found.joints) == ["elbow"]
     assert [(note.mark.line, note.message) for note in found.notes] == [(line, message)]
@@ -106,14 +106,14 @@ def test_a_goal_means_the_same_step_of_the_servo_as_in_ros(init: int, low: int, 
     assert ours == pytest.approx(min(max(raw, 0), 1023), abs=1)
 
 
-def test_the_published_example_goes_where_it_should() -> None:
+def test_published_ros_example_gives_its_ticks() -> None:
     assert MODELS["AX-12A"].ticks(1.0 + joint_of(PLAIN).zero) == 708
     turned = joint_of(PLAIN.replace("min: 0, max: 1023", "min: 1023, max: 0"))
     assert MODELS["AX-12A"].ticks(turned.zero - 1.0) == 316
 
 
 @pytest.mark.parametrize(("init", "low", "high"), [(100, 205, 819), (900, 819, 205)])
-def test_a_zero_that_the_joint_cannot_reach_is_said_at_its_line(init: int, low: int, high: int) -> None:
+def test_unreachable_init_is_noted_with_its_line(init: int, low: int, high: int) -> None:
     found = read(f"c:\n  joint_name: j\n  motor:\n    id: 5\n    init: {init}\n    min: {low}\n    max: {high}\n")
     (note,) = found.notes
     ends = f"'min' {low} and 'max' {high}"
@@ -122,12 +122,12 @@ def test_a_zero_that_the_joint_cannot_reach_is_said_at_its_line(init: int, low: 
     assert list(found.joints) == ["j"]
 
 
-def test_the_steps_are_those_of_the_model_that_the_caller_knows() -> None:
+def test_ticks_use_the_model_of_the_caller() -> None:
     joint = joint_of("c:\n  joint_name: j\n  motor: {id: 5, init: 2048, min: 1024, max: 3072}\n", "MX-28")
     assert (joint.model, joint.zero, joint.lower, joint.upper) == ("MX-28", 0.0, -math.pi / 2, math.pi / 2)
 
 
-def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
+def test_ticks_beyond_the_servo_are_clamped_with_a_note() -> None:
     found = read(PLAIN.replace("min: 0, max: 1023", "min: -20, max: 4095"))
     assert found.joints["elbow"].ticks == Ticks(init=512, min=0, max=1023)
     assert [(note.mark.line, note.mark.column, note.message) for note in found.notes] == [
@@ -167,7 +167,7 @@ def test_ends_beyond_the_servo_are_brought_within_and_said() -> None:
         ),
     ],
 )
-def test_a_mistake_is_said_in_words_at_its_line(text: str, line: int, message: str) -> None:
+def test_ros_joint_fault_is_reported_with_its_line(text: str, line: int, message: str) -> None:
     assert (line, message) in [(fault.mark.line, fault.message) for fault in mistakes(text)]
 
 
@@ -181,7 +181,7 @@ def test_all_mistakes_of_all_controllers_come_at_once() -> None:
     ]
 
 
-def test_the_joints_become_a_robot_file_that_says_the_same() -> None:
+def test_ros_joints_become_an_equal_robot_file() -> None:
     joints = load_ros_joints(TEN).joints
     text = robot_text("ten", joints, port="/dev/u2d2")
     arm = parse_robot(SourceText("ten.yaml", text)).keys(DynamixelKeys)

@@ -36,7 +36,7 @@ NEW_OR_OWN = {
 
 
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt(), ValueError()])
-def test_what_fails_half_way_leaves_the_file_that_was_there(tmp_path: Path, error: BaseException) -> None:
+def test_failed_replace_keeps_the_old_file(tmp_path: Path, error: BaseException) -> None:
     path = tmp_path / "report.html"
     path.write_text("good")
 
@@ -56,7 +56,7 @@ def test_a_full_disk_names_the_file(tmp_path: Path) -> None:
         raise OSError(errno.ENOSPC, "No space left on device")
 
 
-def test_a_file_keeps_its_rights_and_a_link_stays_one(tmp_path: Path) -> None:
+def test_save_file_preserves_permissions_and_symlink(tmp_path: Path) -> None:
     path, link = tmp_path / "real", tmp_path / "link"
     path.write_text("old")
     path.chmod(0o640)
@@ -65,14 +65,14 @@ def test_a_file_keeps_its_rights_and_a_link_stays_one(tmp_path: Path) -> None:
     assert (link.is_symlink(), path.read_text(), stat.S_IMODE(path.stat().st_mode)) == (True, "new", 0o640)
 
 
-def test_a_private_file_is_for_its_owner_only(tmp_path: Path) -> None:
+def test_private_file_is_readable_by_its_owner_only(tmp_path: Path) -> None:
     path = tmp_path / "film.webm"
     path.write_text("old")
     save_file(path, b"new", PRIVATE_MODE)
     assert stat.S_IMODE(path.stat().st_mode) == PRIVATE_MODE
 
 
-def test_a_pipe_is_written_as_it_is(tmp_path: Path) -> None:
+def test_save_file_writes_into_a_pipe(tmp_path: Path) -> None:
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)

@@ -32,7 +32,7 @@ PAIRS = [(dimension, unit) for dimension, units in UNITS.items() for unit in uni
         ("12.6 V", "voltage", 12.6),
     ],
 )
-def test_a_quantity_is_its_value_in_si_units(text: str, dimension: str, si: float) -> None:
+def test_quantity_is_parsed_into_si_units(text: str, dimension: str, si: float) -> None:
     assert si_value(text, dimension) == pytest.approx(si)
     found = parse_quantity(text)
     assert found is not None
@@ -64,7 +64,7 @@ def test_a_quantity_is_its_value_in_si_units(text: str, dimension: str, si: floa
         ({}, "needs an angle such as '30 deg', got a mapping"),
     ],
 )
-def test_what_is_no_quantity_is_told_with_what_to_write(value: object, message: str) -> None:
+def test_invalid_quantity_is_refused_with_an_example(value: object, message: str) -> None:
     with pytest.raises(ValueError, match="needs") as caught:
         si_value(value, "angle")
     assert str(caught.value) == message
@@ -75,7 +75,7 @@ def test_other_texts_are_no_quantities(text: str) -> None:
     assert parse_quantity(text) is None
 
 
-def test_each_dimension_has_an_example_of_its_own() -> None:
+def test_every_dimension_has_an_example() -> None:
     assert EXAMPLES.keys() == UNITS.keys()
     for dimension, example in EXAMPLES.items():
         found = parse_quantity(example)
@@ -89,7 +89,7 @@ def test_no_unit_belongs_to_two_dimensions() -> None:
 
 
 @given(st.sampled_from(list(UNITS)), st.floats(-1e4, 1e4))
-def test_what_is_written_is_read_as_the_same_quantity(dimension: str, value: float) -> None:
+def test_quantity_text_round_trips(dimension: str, value: float) -> None:
     factor = next(iter(UNITS[dimension].values()))
     assert si_value(quantity_text(value, dimension), dimension) == pytest.approx(value, rel=1e-5, abs=1e-4 * factor)
 
@@ -118,7 +118,7 @@ def test_zero_is_written_without_a_sign() -> None:
     assert quantity_text(math.pi, "turn rate") == "180 deg/s"
 
 
-def test_a_quantity_shows_as_it_was_written_and_calculates_in_si() -> None:
+def test_quantity_prints_as_written_and_calculates_in_si() -> None:
     patience = Quantity(60.0, "duration", "1 min")
     assert f"{patience}" == str(patience) == "1 min"
     assert f"{patience:.1f}" == "60.0"
@@ -131,7 +131,7 @@ def test_a_quantity_survives_pickling() -> None:
     assert (again, again.dimension, str(again)) == (0.5, "length", "50 cm")
 
 
-def test_values_are_shown_as_the_file_has_them_and_never_at_length() -> None:
+def test_quoted_values_are_short_and_as_in_the_file() -> None:
     assert [quoted_value(value) for value in (None, True, 3, "x", [1], {"a": 1})] == [
         "nothing",
         "'true'",

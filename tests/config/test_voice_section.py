@@ -27,7 +27,7 @@ def mistake(*lines: str) -> str:
     return f"{fault.message} | {fault.suggestion}"
 
 
-def test_all_of_it_is_read() -> None:
+def test_voice_section_is_read() -> None:
     assert voice(
         "driver: piper",
         "voice: en-us+f2",
@@ -40,7 +40,7 @@ def test_all_of_it_is_read() -> None:
     assert voice("driver: command", "command: my_tts --stdin").command == "my_tts --stdin"
 
 
-def test_what_is_left_out_is_as_usual() -> None:
+def test_voice_section_has_defaults() -> None:
     assert voice("driver: auto") == SpeechKeys(
         voice="", speed=150.0, language="", volume=1.0, device="", model="", command=""
     )
@@ -52,7 +52,7 @@ def test_every_driver_makes_a_voice() -> None:
         assert not made.health().online
 
 
-def test_what_a_command_may_name_is_what_is_filled_in() -> None:
+def test_voice_command_placeholders_are_filled_in() -> None:
     line = "my_tts " + " ".join(f"{{{each}}}" for each in PLACEHOLDERS)
     assert voice("driver: command", f'command: "{line}"').command == line
     said = Synthesiser("my_tts", tuple(line.split()[1:])).command(SpeechStyle("Anna", 150.0, "de"))
@@ -81,5 +81,5 @@ def test_what_a_command_may_name_is_what_is_filled_in() -> None:
         (("pitch: 3",), "has no key 'pitch'"),
     ],
 )
-def test_a_mistake_is_told_in_words(lines: tuple[str, ...], words: str) -> None:
+def test_voice_section_fault_is_reported(lines: tuple[str, ...], words: str) -> None:
     assert words in mistake(*lines)

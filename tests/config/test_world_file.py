@@ -47,7 +47,7 @@ def test_a_world_needs_no_more_than_a_name(file: Path) -> None:
     assert (world.people, world.light, world.length) == ((), 1.0, 8.0)
 
 
-def test_all_mistakes_come_at_once_each_under_its_word(file: Path) -> None:
+def test_all_faults_are_reported_together_with_positions(file: Path) -> None:
     faults = mistakes(
         file,
         "world: hall\n"

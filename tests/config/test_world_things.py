@@ -60,7 +60,7 @@ def test_a_full_world_is_read_in_si_units(tmp_path: Path) -> None:
     assert (world.noise, world.dropouts) == pytest.approx((5.0, 0.02))
 
 
-def test_what_people_do_is_read(tmp_path: Path) -> None:
+def test_actions_of_people_are_read(tmp_path: Path) -> None:
     (anna,) = load(
         tmp_path,
         "people:\n"
@@ -124,7 +124,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize(("text", "word", "said"), WRONG, ids=[said for _, _, said in WRONG])
-def test_what_is_wrong_is_told_at_its_word(tmp_path: Path, text: str, word: str, said: str) -> None:
+def test_world_fault_is_reported_with_position(tmp_path: Path, text: str, word: str, said: str) -> None:
     fault = mistake(tmp_path, text)
     assert fault.mark.line == 2 + text.count("\n")
     assert fault.mark.column == text.splitlines()[-1].index(word) + 1
@@ -146,13 +146,13 @@ def test_what_is_wrong_is_told_at_its_word(tmp_path: Path, text: str, word: str,
         ("{at: 1 s, turn: sideways}", "'turn' needs an angle"),
     ],
 )
-def test_an_act_says_when_and_what(tmp_path: Path, act: str, message: str) -> None:
+def test_incomplete_act_is_reported(tmp_path: Path, act: str, message: str) -> None:
     fault = mistake(tmp_path, f"people:\n  - {{name: Anna, at: [2 m, 0 m], acts: [{act}]}}\n")
     assert fault.mark.line == 3
     assert message in fault.message
 
 
-def test_nobody_stands_in_a_table_nor_walks_into_it(tmp_path: Path) -> None:
+def test_person_inside_furniture_is_reported(tmp_path: Path) -> None:
     table = "furniture: [{name: table, at: [2 m, 0 m], size: [1 m, 1 m, 0.7 m], heading: 45 deg}]\n"
     fault = mistake(tmp_path, f"{table}people: [{{name: Anna, at: [2 m, 0.6 m]}}]\n")
     assert fault.message == "Anna cannot be at [2 m, 0.6 m]: 'table' is there"
@@ -161,24 +161,24 @@ def test_nobody_stands_in_a_table_nor_walks_into_it(tmp_path: Path) -> None:
     load(tmp_path, f"{table}people: [{{name: Anna, at: [2.6 m, 0.6 m]}}]\n")
 
 
-def test_what_lies_on_a_table_may_be_where_the_table_is_and_over_the_robot(tmp_path: Path) -> None:
+def test_raised_object_may_be_above_the_robot(tmp_path: Path) -> None:
     world = load(tmp_path, f"objects: [{{name: b, shape: box, colour: red, at: [0 m, 0 m, 1.5 m], {FLOOR}}}]\n")
     assert [thing.bottom for thing in world.objects] == [1.5]
 
 
-def test_two_of_one_name_are_told_at_the_second(tmp_path: Path) -> None:
+def test_duplicate_name_is_reported_at_the_second(tmp_path: Path) -> None:
     people = "people:\n  - {name: Eve, at: [2 m, 0 m]}\n  - {name: Eve, at: [3 m, 0 m]}\n"
     fault = mistake(tmp_path, people)
     assert (fault.mark.line, fault.mark.column) == (4, 12)
     assert fault.message == "'Eve' is a duplicate name in 'people'"
 
 
-def test_a_wrong_room_does_not_make_everything_in_it_wrong(tmp_path: Path) -> None:
+def test_invalid_room_does_not_invalidate_its_contents(tmp_path: Path) -> None:
     fault = mistake(tmp_path, "room: {length: 1 m}\npeople: [{name: Anna, at: [4 m, 0 m]}]\n")
     assert fault.message == "'length' must be at least 2 m"
 
 
-def test_pictures_are_lost_as_reports_are_unless_the_camera_says_else(tmp_path: Path) -> None:
+def test_camera_dropouts_default_to_the_physics_dropouts(tmp_path: Path) -> None:
     both = load(tmp_path, "physics: {dropouts: 4 %}\n")
     apart = load(tmp_path, "physics: {dropouts: 4 %}\ncamera: {dropouts: 1 %}\nnoise: 7\n")
     assert (both.physics.dropouts, both.dropouts, both.noise) == pytest.approx((0.04, 0.04, 3.0))
@@ -239,16 +239,14 @@ def test_a_dock_and_a_battery_are_read_in_si_units(tmp_path: Path) -> None:
         ("battery: {level: 80 %}", "battery", "a world file has no key 'battery'"),
     ],
 )
-def test_what_is_wrong_with_dock_or_battery_is_told_at_its_word(
-    tmp_path: Path, text: str, word: str, said: str
-) -> None:
+def test_dock_and_battery_faults_are_reported_with_position(tmp_path: Path, text: str, word: str, said: str) -> None:
     fault = mistake(tmp_path, text)
     assert fault.mark.line == 2 + text.count("\n")
     assert fault.mark.column == text.splitlines()[-1].index(word) + 1
     assert said in str(fault)
 
 
-def test_all_that_is_wrong_with_a_dock_and_a_battery_comes_at_once(tmp_path: Path) -> None:
+def test_all_dock_and_battery_faults_are_reported_together(tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
     file.write_text("world: hall\ndock: {at: 1 m, heading: 3 m}\nphysics: {battery: {level: 2, drain: x}}\n")
     with pytest.raises(InvalidFileError) as caught:
@@ -261,7 +259,7 @@ def test_all_that_is_wrong_with_a_dock_and_a_battery_comes_at_once(tmp_path: Pat
     ]
 
 
-def test_nobody_stands_in_the_dock_and_a_robot_may_start_on_it(tmp_path: Path) -> None:
+def test_person_in_the_dock_is_reported_and_robot_may_start_there(tmp_path: Path) -> None:
     dock = "dock: {at: [-2.95 m, 0 m], heading: 0 deg}\n"
     fault = mistake(tmp_path, f"{dock}people: [{{name: Anna, at: [-2.95 m, 0 m]}}]\n")
     assert fault.message == "Anna cannot be at [-2.95 m, 0 m]: the dock is there"

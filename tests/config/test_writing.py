@@ -41,7 +41,7 @@ def whole(gesture: GestureConfig) -> list[tuple[float, dict[str, float]]]:
     return found
 
 
-def test_a_gesture_is_written_as_one_would_write_it() -> None:
+def test_gesture_text_is_readable_yaml() -> None:
     assert gesture_text(NOD) == (
         'gesture: nod\nsummary: "Nod: once."\ninterpolation: cubic\nkeyframes:\n'
         "  - {at: 0 s, neck: 0 rad}\n"
@@ -49,14 +49,14 @@ def test_a_gesture_is_written_as_one_would_write_it() -> None:
     )
 
 
-def test_a_joint_that_stood_still_is_not_written_again() -> None:
+def test_unchanged_joint_angle_is_not_written_again() -> None:
     frames = ((0.5, {"neck": 0.5, "waist": 0.1}), (1.0, {"neck": 0.5, "waist": 0.2}), (1.5, {"neck": 0.5}))
     text = gesture_text(GestureConfig("nod", "", frames))
     assert text.splitlines()[-2:] == ["  - {at: 1 s, waist: 0.2 rad}", "  - {at: 1.5 s}"]
 
 
 @given(MOVES)
-def test_what_is_written_is_read_again(gesture: GestureConfig) -> None:
+def test_gesture_text_round_trips(gesture: GestureConfig) -> None:
     again = parse_gesture(SourceText("x.yaml", gesture_text(gesture)))
     assert (again.name, again.interpolation) == (gesture.name, gesture.interpolation)
     for (time, angles), (was, meant) in zip(whole(again), whole(gesture), strict=True):
@@ -73,12 +73,12 @@ def test_what_is_written_is_read_again(gesture: GestureConfig) -> None:
         tuple((0.1 * (place + 1), {"neck": 0.1 * place, "waist": 0.1 * place}) for place in range(12_000)),
     ],
 )
-def test_what_would_be_no_gesture_file_is_not_written(frames: tuple[tuple[float, dict[str, float]], ...]) -> None:
+def test_invalid_gesture_is_not_written(frames: tuple[tuple[float, dict[str, float]], ...]) -> None:
     with pytest.raises(InvalidFileError):
         gesture_text(GestureConfig("nod", "", frames))
 
 
-def test_a_new_file_is_written_and_an_old_one_left_alone(tmp_path: Path) -> None:
+def test_write_new_does_not_overwrite_a_file(tmp_path: Path) -> None:
     file = tmp_path / "nod.yaml"
     write_new(file, gesture_text(NOD))
     assert load_gesture(file) == NOD
@@ -87,9 +87,7 @@ def test_a_new_file_is_written_and_an_old_one_left_alone(tmp_path: Path) -> None
     assert load_gesture(file) == NOD
 
 
-def test_a_file_that_the_disk_has_no_room_for_is_not_left_behind(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_write_leaves_no_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     full = Path("/dev/full").open
     file = tmp_path / "my_robot.yaml"
 
@@ -103,7 +101,7 @@ def test_a_file_that_the_disk_has_no_room_for_is_not_left_behind(
     assert not file.exists()
 
 
-def test_joints_in_angles_are_written_as_well_as_those_in_ticks() -> None:
+def test_joints_in_angles_round_trip_through_robot_text() -> None:
     joint = JointKeys(
         id=3, written_model="MX-28", written_zero=0.5, written_reverse=True, limits=(-1.0, 1.5), speed=2.0, torque=0.8
     )
@@ -114,6 +112,6 @@ def test_joints_in_angles_are_written_as_well_as_those_in_ticks() -> None:
     assert (arm.joints, arm.port, arm.baud) == ({"left elbow": joint}, "/dev/x y", 57_600)
 
 
-def test_joints_that_no_robot_can_have_are_not_written() -> None:
+def test_invalid_joints_are_not_written() -> None:
     with pytest.raises(InvalidFileError, match="reaches from"):
         robot_text("r", {"elbow": JointKeys(id=3, limits=(-3.0, 3.0))}, port="x")

@@ -12,7 +12,7 @@ ALL = all_cases()
 
 
 @pytest.mark.parametrize("case", [case for case in ALL if case.ticks], ids=str)
-def test_the_tree_does_what_its_table_says(case: Case) -> None:
+def test_tree_matches_its_table(case: Case) -> None:
     table, played = play(case)
     assert table == [line.strip() for line in case.ticks]
     assert {name: played.nodes[name].reason for name in case.reasons} == case.reasons
@@ -27,12 +27,12 @@ def test_the_mission_is_refused(case: Case) -> None:
     assert [line[: len(told)] for line, told in zip(found, case.refused, strict=True)] == list(case.refused)
 
 
-def test_every_title_stands_for_one_case() -> None:
+def test_case_titles_are_unique() -> None:
     assert [title for title, count in Counter(map(str, ALL)).items() if count > 1] == []
 
 
 @pytest.mark.parametrize("word", [*COMPOSITES, *SWITCHES, FOR_EACH, WAIT_FOR, *MODIFIERS, "check"])
-def test_every_composite_and_modifier_has_its_cases(word: str) -> None:
+def test_every_composite_and_modifier_has_cases(word: str) -> None:
     assert sum(word in {step.kind for step in case.plan().tree.walk()} for case in ALL if case.ticks) >= 3
 
 
@@ -48,12 +48,12 @@ TABLE = """
 
 
 @pytest.mark.parametrize("wrong", ["nothing", "a ends success", "a is success, a ends success", "a ends failure"])
-def test_a_table_that_is_wrong_is_noticed(wrong: str) -> None:
+def test_wrong_table_is_detected(wrong: str) -> None:
     (right,) = read_cases("right", TABLE.replace("{second}", "a ends success, a is success"))
-    test_the_tree_does_what_its_table_says(right)
+    test_tree_matches_its_table(right)
     (case,) = read_cases("wrong", TABLE.replace("{second}", wrong))
     with pytest.raises(AssertionError):
-        test_the_tree_does_what_its_table_says(case)
+        test_tree_matches_its_table(case)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,6 @@ def test_a_table_that_is_wrong_is_noticed(wrong: str) -> None:
         ("- case: nothing to check\n  tree: succeed\n", "needs either ticks or what is refused"),
     ],
 )
-def test_a_case_that_is_not_one_is_noticed(text: str, why: str) -> None:
+def test_malformed_case_is_detected(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         list(read_cases("cases", text))

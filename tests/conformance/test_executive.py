@@ -21,30 +21,30 @@ def scene() -> Simulated:
     return Simulated()
 
 
-def test_a_run_ends_with_the_success_of_its_tree() -> None:
+def test_run_succeeds_with_its_tree() -> None:
     assert Simulated("probe: [running, running, success]").play() == Result("run", "success", "", about(2 * PERIOD), 3)
 
 
-def test_a_run_ends_with_the_failure_of_its_tree_and_its_reason() -> None:
+def test_run_fails_with_the_reason_of_its_tree() -> None:
     result = Simulated("probe: {outcomes: [running, failure], because: no face for 60 s}").play()
     assert (result.result, result.reason, result.ticks) == ("failure", "no face for 60 s", 2)
 
 
-def test_ticks_keep_to_an_absolute_schedule_whatever_they_cost(scene: Simulated) -> None:
+def test_ticks_follow_an_absolute_schedule(scene: Simulated) -> None:
     scene.at_tick = lambda number: _spend(scene.clock, 0.1 if number % 2 else 0.0)
     scene.play({0.7: scene.stop})
     assert scene.ticks == about([0.0, 0.125, 0.25, 0.375, 0.5, 0.625])
     assert scene.executive.overruns == 0
 
 
-def test_ticks_that_were_missed_are_counted_and_not_made_up_for(scene: Simulated) -> None:
+def test_missed_ticks_are_counted_and_not_repeated(scene: Simulated) -> None:
     scene.at_tick = lambda number: _spend(scene.clock, 0.3) if number == 2 else None
     scene.play({0.7: scene.stop})
     assert scene.ticks == about([0.0, 0.125, 0.5, 0.625])  # the second lasted until 0.425
     assert scene.executive.overruns == 2
 
 
-def test_a_tick_that_comes_too_late_says_so(scene: Simulated) -> None:
+def test_late_tick_reports_its_delay(scene: Simulated) -> None:
     scene.play({0.1: lambda: _spend(scene.clock, 0.3), 0.6: scene.stop})  # as if the machine had been busy
     late = [event.late for event in scene.told if isinstance(event, events.Ticked)]
     assert late[0] is None
@@ -75,7 +75,7 @@ def test_no_wake_up_is_ever_slept_through(wakes: list[int], cost: int) -> None:
         assert any(time <= tick <= time + cost / 100 + 1e-9 for tick in scene.ticks), f"nothing came of {time}"
 
 
-def test_a_stop_halts_what_runs_at_once_and_says_why() -> None:
+def test_stop_halts_the_tree_at_once_with_its_reason() -> None:
     scene = Simulated("{probe: running, name: a}")
     result = scene.play({0.3: lambda: scene.executive.stop("Ctrl-C")})
     assert result == Result("run", "interrupted", "Ctrl-C", about(0.3), 3)
@@ -91,7 +91,7 @@ def test_a_stop_before_the_first_tick_starts_nothing(scene: Simulated) -> None:
     assert scene.told == []
 
 
-def test_a_stop_takes_no_lock_so_that_a_signal_handler_may_call_it() -> None:
+def test_stop_takes_no_lock_and_is_safe_in_signal_handlers() -> None:
     class Held(Event):
         def set(self) -> None:
             pytest.fail("a handler that has interrupted whoever holds this event's lock would wait for ever here")
@@ -107,27 +107,27 @@ def test_a_stop_is_seen_soon_even_where_ticks_are_rare() -> None:
     assert scene.ticks == [0.0]
 
 
-def test_a_stop_in_the_tick_that_ends_the_tree_leaves_its_result() -> None:
+def test_stop_in_the_last_tick_keeps_the_result() -> None:
     scene = Simulated("probe: success")
     scene.at_tick = lambda _: scene.stop()
     assert scene.play().result == "success"
 
 
-def test_a_halt_at_the_end_gets_the_ticks_that_it_needs() -> None:
+def test_final_halt_gets_its_ticks() -> None:
     scene = Simulated("{probe: {outcomes: running, halts_in: 2}, name: a}")
     result = scene.play({0.3: scene.stop})
     assert (result.result, result.seconds) == ("interrupted", about(0.3 + 2 * PERIOD))
     assert scene.run.log == ["a starts", "a halts"]
 
 
-def test_a_leaf_that_does_not_come_to_rest_at_the_end_has_its_actuators_stopped_for_it() -> None:
+def test_leaf_that_does_not_halt_is_safe_stopped_at_the_end() -> None:
     scene = Simulated("{base_probe: {outcomes: running, halts_in: 99}, name: a}")
     result = scene.play({0.25: scene.stop})
     assert (result.result, result.seconds) == ("interrupted", about(1.25))
     assert scene.run.log == ["a starts", "a halts", "base settled"]
 
 
-def test_the_end_waits_for_nobody_longer_than_two_seconds() -> None:
+def test_final_halt_is_limited_to_two_seconds() -> None:
     scene = Simulated("{patient_probe: {outcomes: running, halts_in: 99}, name: a}")
     result = scene.play({0.25: scene.stop})
     assert (result.result, result.seconds) == ("interrupted", about(2.25))
@@ -137,7 +137,7 @@ def test_the_end_waits_for_nobody_longer_than_two_seconds() -> None:
     assert (last.name, last.status) == ("a", "idle")
 
 
-def test_a_paused_mission_keeps_its_place_and_its_actuators_hold_still() -> None:
+def test_paused_mission_keeps_its_place_and_its_actuators_hold() -> None:
     scene = Simulated("{sequence: [{probe: success, name: a}, {base_probe: running, name: b}]}")
     settled = scene.settled()
     scene.play({0.2: scene.executive.pause, 0.6: scene.executive.resume, 0.8: scene.stop})
@@ -161,7 +161,7 @@ def test_a_paused_mission_can_be_stepped_one_tick_at_a_time() -> None:
     assert settled == about([0.2, 0.3 + PERIOD, 0.8 + PERIOD])  # a step lasts as long as any tick
 
 
-def test_a_mission_may_be_paused_before_it_begins(scene: Simulated) -> None:
+def test_mission_can_be_paused_before_its_start(scene: Simulated) -> None:
     scene.executive.pause()
     scene.play({0.5: scene.executive.step, 1.0: scene.stop})
     assert scene.ticks == about([0.5])
@@ -178,7 +178,7 @@ def test_a_stop_ends_a_paused_mission() -> None:
     assert scene.run.log == ["a starts", "base settled", "a halts"]
 
 
-def test_a_run_tells_its_story_in_order() -> None:
+def test_run_emits_its_events_in_order() -> None:
     scene = Simulated("{probe: [running, success], name: a}")
     scene.executive.emit_start(file="run.yaml", robot="probes", params={})
     scene.executive.emit_end(scene.play())
@@ -186,7 +186,7 @@ def test_a_run_tells_its_story_in_order() -> None:
     assert [event.tick for event in scene.told if isinstance(event, events.Ticked)] == [1, 2]
 
 
-def test_a_wake_up_from_another_thread_ticks_at_once() -> None:
+def test_wake_from_another_thread_ticks_at_once() -> None:
     scene = Scene("probe: running", SystemClock(), rate=0.01)  # by the schedule, the second tick is 100 s away
 
     def wake_often() -> None:

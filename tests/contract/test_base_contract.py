@@ -181,7 +181,7 @@ def base(rig: BaseRig) -> BaseRig:
     return rig
 
 
-def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: BaseRig) -> None:
+def test_unopened_device_is_offline_and_has_no_readings(rig: BaseRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert (rig.device.state().value, rig.device.state().quality) == (None, Quality.NONE)
@@ -193,7 +193,7 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: BaseRig) -> None:
     rig.device.close()
 
 
-def test_opened_it_comes_online_and_says_so_once(base: BaseRig) -> None:
+def test_opened_base_comes_online_with_one_notice(base: BaseRig) -> None:
     health = base.device.health()
     assert (health.online, health.detail, health.hint) == (True, "", "")
     assert base.device.state().good
@@ -207,7 +207,7 @@ def test_opened_it_comes_online_and_says_so_once(base: BaseRig) -> None:
 @pytest.mark.parametrize(
     ("linear", "angular"), [(2.0, 1.0), (0.1, 9.0), (-3.0, 0.0), (0.2, -0.4), (0.0, -5.0), (0.0, 0.0)]
 )
-def test_what_is_asked_for_is_slowed_down_as_a_whole(base: BaseRig, linear: float, angular: float) -> None:
+def test_too_fast_velocity_is_scaled_down_as_a_whole(base: BaseRig, linear: float, angular: float) -> None:
     accepted = base.device.drive(Velocity(linear, angular))
     excess = max(1.0, abs(linear) / 0.5, abs(angular) / 1.9)
     assert (accepted.linear, accepted.angular) == pytest.approx((linear / excess, angular / excess))
@@ -221,14 +221,14 @@ def test_forward_is_forward_and_left_is_anticlockwise(base: BaseRig) -> None:
     assert base.truth().heading > 0.3
 
 
-def test_it_gathers_speed_gently_and_keeps_it_while_asked(base: BaseRig) -> None:
+def test_base_accelerates_gently_and_keeps_its_velocity(base: BaseRig) -> None:
     base.device.drive(Velocity(-0.4, 0.0))
     base.wait(0.05)
     assert base.state().velocity.linear > -0.3
     base.drive(-0.4, 0.0, lambda: base.state().velocity.linear < -0.35)
 
 
-def test_a_command_that_nobody_renews_ends_by_itself(base: BaseRig) -> None:
+def test_command_expires_without_renewal(base: BaseRig) -> None:
     base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.25)
     base.until(base.stands)
     at_rest = base.truth()
@@ -252,7 +252,7 @@ def test_stop_is_at_once_and_without_a_ramp(base: BaseRig) -> None:
 @pytest.mark.parametrize(
     "wrong", [Velocity(nan, 0.0), Velocity(0.0, nan), Velocity(inf, 0.0), Velocity(0.1, -inf)], ids=str
 )
-def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing(base: BaseRig, wrong: Velocity) -> None:
+def test_velocity_that_is_not_finite_is_refused(base: BaseRig, wrong: Velocity) -> None:
     with pytest.raises(BadRequest, match="base") as caught:
         base.device.drive(wrong)
     assert caught.value.hint
@@ -260,7 +260,7 @@ def test_a_velocity_that_is_no_number_is_refused_and_changes_nothing(base: BaseR
     assert base.state().velocity == ZERO_VELOCITY
 
 
-def test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest(base: BaseRig) -> None:
+def test_unplugged_base_gives_the_reason_refuses_commands_and_stops(base: BaseRig) -> None:
     base.drive(-0.2, 0.0, lambda: base.state().pose.x < -0.02)
     base.unplug()
     base.until(lambda: base.told("offline"))
@@ -277,7 +277,7 @@ def test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest(base: BaseRig)
     assert base.device.state().value is not None
 
 
-def test_plugged_in_again_it_is_back_at_rest_where_it_was(base: BaseRig) -> None:
+def test_replugged_base_is_online_at_rest_with_its_pose(base: BaseRig) -> None:
     base.drive(-0.2, 0.0, lambda: base.state().pose.x < -0.05)
     base.unplug()
     base.until(lambda: base.told("offline"))
@@ -293,7 +293,7 @@ def test_plugged_in_again_it_is_back_at_rest_where_it_was(base: BaseRig) -> None
     base.drive(-0.2, 0.0, lambda: base.state().pose.x < seen - 0.05)
 
 
-def test_a_past_heading_lies_between_those_measured_before_and_after(base: BaseRig) -> None:
+def test_past_heading_is_interpolated(base: BaseRig) -> None:
     began = base.device.state().stamp
     base.drive(0.0, 1.5, lambda: base.state().pose.heading > 1.0)
     newest = base.device.state()
@@ -320,7 +320,7 @@ def test_a_bumper_forbids_forward_but_not_back_and_round(base: BaseRig, side: st
 
 
 @pytest.mark.parametrize("side", ["left", "centre", "right"])
-def test_at_an_edge_it_goes_straight_back_and_nowhere_else_until_that_is_behind(base: BaseRig, side: str) -> None:
+def test_base_at_a_cliff_only_drives_straight_back(base: BaseRig, side: str) -> None:
     base.touch(cliff=Sides(**{side: True}))
     base.until(lambda: base.told("fault", f"cliff {side}"))
     assert base.device.drive(Velocity(0.2, 0.5)) == ZERO_VELOCITY
@@ -334,7 +334,7 @@ def test_at_an_edge_it_goes_straight_back_and_nowhere_else_until_that_is_behind(
     base.until(lambda: base.device.drive(Velocity(0.2, 0.5)) == Velocity(0.2, 0.5))
 
 
-def test_driven_into_something_it_backs_off_by_itself(base: BaseRig) -> None:
+def test_base_backs_off_after_a_bump(base: BaseRig) -> None:
     base.drive(0.3, 0.0, lambda: base.state().velocity.linear > 0.2)
     base.touch(bumper=Sides(left=True))
     base.until(lambda: base.device.steering().source is Source.SAFETY)
@@ -368,12 +368,12 @@ def test_a_person_has_the_wheels_before_the_mission_and_a_while_after(base: Base
     assert base.clock.now() - asked >= 0.99
 
 
-def test_nobody_commands_in_the_name_of_safety(base: BaseRig) -> None:
+def test_command_with_source_safety_is_refused(base: BaseRig) -> None:
     with pytest.raises(BadRequest, match="safety"):
         base.device.drive(Velocity(0.1, 0.0), source=Source.SAFETY)
 
 
-def test_latched_it_stands_whoever_commands_until_it_is_enabled(base: BaseRig) -> None:
+def test_latched_base_refuses_all_commands_until_enabled(base: BaseRig) -> None:
     base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.2)
     base.device.latch("somebody shouted")
     base.device.latch("and again")
@@ -393,7 +393,7 @@ def test_latched_it_stands_whoever_commands_until_it_is_enabled(base: BaseRig) -
     base.drive(-0.2, 0.0, lambda: base.state().velocity.linear < -0.1)
 
 
-def test_it_plays_shines_and_refuses_what_it_has_not(base: BaseRig) -> None:
+def test_base_plays_sounds_and_refuses_unknown_lights(base: BaseRig) -> None:
     sounds, lights = base.device.sounds, base.device.lights
     assert sounds is not None
     assert lights is not None
@@ -408,7 +408,7 @@ def test_it_plays_shines_and_refuses_what_it_has_not(base: BaseRig) -> None:
     base.until(lambda: base.shines(1) is Lamp.ORANGE and base.shines(2) is Lamp.OFF)
 
 
-def test_unplugged_its_sounder_and_its_lights_say_so(base: BaseRig) -> None:
+def test_sounds_and_lights_of_an_unplugged_base_are_not_connected(base: BaseRig) -> None:
     sounds, lights = base.device.sounds, base.device.lights
     assert sounds is not None
     assert lights is not None
@@ -422,13 +422,13 @@ def test_unplugged_its_sounder_and_its_lights_say_so(base: BaseRig) -> None:
         lights.light(2, Lamp.GREEN)
 
 
-def test_a_cliff_ends_a_drive_forward_though_it_is_asked_for(base: BaseRig) -> None:
+def test_cliff_stops_a_forward_drive(base: BaseRig) -> None:
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.1)
     base.touch(cliff=Sides(centre=True))
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear == 0.0)
 
 
-def test_with_its_wheels_in_the_air_it_does_nothing(base: BaseRig) -> None:
+def test_base_with_dropped_wheels_does_not_drive(base: BaseRig) -> None:
     base.lift(up=True)
     base.until(lambda: base.state().wheel_drop)
     base.until(lambda: base.told("fault", "wheel drop"))
@@ -438,7 +438,7 @@ def test_with_its_wheels_in_the_air_it_does_nothing(base: BaseRig) -> None:
     assert base.device.drive(Velocity(-0.2, 0.5)) == Velocity(-0.2, 0.5)
 
 
-def test_a_wall_stops_it_and_it_can_back_off(base: BaseRig) -> None:
+def test_wall_stops_the_base_which_can_back_off(base: BaseRig) -> None:
     base.drive(0.5, 0.0, lambda: base.state().bumper)
     assert base.state().bumper == Sides(centre=True)
     assert base.truth().x == pytest.approx(WALL - BASE_RADIUS, abs=0.001)
@@ -447,12 +447,12 @@ def test_a_wall_stops_it_and_it_can_back_off(base: BaseRig) -> None:
     assert base.truth().x < WALL - BASE_RADIUS
 
 
-def test_a_full_turn_goes_on_counting(base: BaseRig) -> None:
+def test_heading_continues_beyond_a_full_turn(base: BaseRig) -> None:
     base.drive(0.0, 1.9, lambda: base.state().pose.heading > pi + 0.2)
     assert base.truth().heading == pytest.approx(base.state().pose.heading, abs=0.2)
 
 
-def test_closed_it_stands_still_and_opened_again_it_drives(base: BaseRig) -> None:
+def test_closed_base_stops_and_drives_again_once_opened(base: BaseRig) -> None:
     base.drive(-0.3, 0.0, lambda: base.state().velocity.linear < -0.25)
     base.device.close()
     base.device.close()

@@ -179,7 +179,7 @@ def plugged(request: pytest.FixtureRequest) -> Iterator[CameraRig]:
     rig.close()
 
 
-def test_before_it_is_opened_it_says_so_and_gives_nothing(camera: CameraRig) -> None:
+def test_unopened_camera_is_offline_and_gives_no_picture(camera: CameraRig) -> None:
     health = camera.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert camera.device.read(0.01) is None
@@ -188,7 +188,7 @@ def test_before_it_is_opened_it_says_so_and_gives_nothing(camera: CameraRig) -> 
     camera.device.close()
 
 
-def test_pictures_come_in_order_each_with_its_time(camera: CameraRig) -> None:
+def test_pictures_are_in_order_with_increasing_stamps(camera: CameraRig) -> None:
     opened = camera.clock.now()
     camera.device.open()
     camera.device.open()
@@ -212,7 +212,7 @@ def test_the_same_picture_is_not_given_twice(camera: CameraRig) -> None:
 
 
 @pytest.mark.real_time
-def test_the_newest_wins_and_those_that_nobody_read_are_dropped(camera: CameraRig) -> None:
+def test_newest_picture_is_read_and_unread_ones_are_dropped(camera: CameraRig) -> None:
     camera.device.open()
     first = camera.frame()
     camera.wait(10 * PERIOD)
@@ -222,7 +222,7 @@ def test_the_newest_wins_and_those_that_nobody_read_are_dropped(camera: CameraRi
     assert camera.device.health().counters["dropped"] >= 2
 
 
-def test_closed_it_gives_nothing_and_opened_again_it_counts_from_0(camera: CameraRig) -> None:
+def test_closed_camera_gives_no_picture_and_restarts_at_number_0(camera: CameraRig) -> None:
     camera.device.open()
     camera.until(lambda: camera.frame().number >= 10)
     camera.device.close()
@@ -234,7 +234,7 @@ def test_closed_it_gives_nothing_and_opened_again_it_counts_from_0(camera: Camer
     assert camera.frame().number <= (camera.clock.now() - opened) / PERIOD
 
 
-def test_unplugged_it_says_why_and_plugged_in_again_it_goes_on(plugged: CameraRig) -> None:
+def test_unplugged_camera_gives_the_reason_and_resumes_once_replugged(plugged: CameraRig) -> None:
     assert [notice.kind for notice in plugged.notices] == ["online"]
     plugged.unplug()
     plugged.until(lambda: plugged.told("offline"))

@@ -341,7 +341,7 @@ def head(rig: HeadRig) -> HeadRig:
     return rig
 
 
-def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: HeadRig) -> None:
+def test_unopened_device_is_offline_and_has_no_readings(rig: HeadRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert (rig.device.pose().value, rig.device.pose().quality) == (None, Quality.NONE)
@@ -353,7 +353,7 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: HeadRig) -> None:
     rig.device.close()
 
 
-def test_opened_it_comes_online_and_goes_from_where_it_is_found_to_its_start(rig: HeadRig) -> None:
+def test_opened_head_comes_online_and_moves_to_its_start_pose(rig: HeadRig) -> None:
     rig.device.open()
     rig.until(lambda: rig.device.pose().good)
     found, way = rig.pose(), abs(START.tilt - rig.awake.tilt) + START.pan
@@ -365,14 +365,14 @@ def test_opened_it_comes_online_and_goes_from_where_it_is_found_to_its_start(rig
     assert {notice.kind for notice in rig.notices} == {"online"}
 
 
-def test_its_limits_are_those_of_the_axes(rig: HeadRig) -> None:
+def test_head_limits_are_those_of_the_axes(rig: HeadRig) -> None:
     assert rig.device.limits.pan == PAN.range
     assert rig.device.limits.tilt == TILT.range
     assert (rig.device.limits.speed, rig.device.limits.acceleration) == (SPEED, HEAD_ACCELERATION)
 
 
 @pytest.mark.parametrize(("pan", "tilt"), [(30, 12), (-45.4, -20), (70.6, 20), (0, 0)])
-def test_it_goes_where_it_is_told(head: HeadRig, pan: float, tilt: float) -> None:
+def test_head_reaches_its_goal(head: HeadRig, pan: float, tilt: float) -> None:
     goal = HeadPose(radians(pan), radians(tilt))
     assert head.device.look(goal) == goal
     head.until(lambda: head.looks(goal))
@@ -380,14 +380,14 @@ def test_it_goes_where_it_is_told(head: HeadRig, pan: float, tilt: float) -> Non
     assert head.looks(goal)
 
 
-def test_a_goal_beyond_its_limits_is_clamped(head: HeadRig) -> None:
+def test_head_goal_beyond_the_limits_is_clamped(head: HeadRig) -> None:
     accepted = head.device.look(HeadPose(3.0, -3.0))
     assert accepted == HeadPose(PAN.upper, TILT.lower)
     head.until(lambda: head.looks(accepted))
 
 
 @pytest.mark.parametrize("wrong", [HeadPose(nan, 0.0), HeadPose(0.0, inf)], ids=str)
-def test_a_goal_that_is_no_number_is_refused_and_changes_nothing(head: HeadRig, wrong: HeadPose) -> None:
+def test_head_goal_that_is_not_finite_is_refused(head: HeadRig, wrong: HeadPose) -> None:
     with pytest.raises(BadRequest, match="head") as caught:
         head.device.look(wrong)
     assert caught.value.hint
@@ -395,7 +395,7 @@ def test_a_goal_that_is_no_number_is_refused_and_changes_nothing(head: HeadRig, 
     assert head.looks(START)
 
 
-def test_it_turns_no_faster_than_its_speed_and_tells_of_every_degree(head: HeadRig) -> None:
+def test_head_turns_at_its_speed_and_reports_every_degree(head: HeadRig) -> None:
     began, changes = head.clock.now(), head.changes
     head.device.look(HeadPose(START.pan - radians(60), START.tilt))
     head.until(lambda: head.looks(HeadPose(START.pan - radians(60), START.tilt)))
@@ -403,7 +403,7 @@ def test_it_turns_no_faster_than_its_speed_and_tells_of_every_degree(head: HeadR
     assert head.changes - changes >= 5
 
 
-def test_stopped_it_brakes_and_holds(head: HeadRig) -> None:
+def test_stopped_head_brakes_and_holds(head: HeadRig) -> None:
     head.device.look(HeadPose(radians(-70), START.tilt))
     head.until(lambda: head.pose().pan < 0.0)
     head.device.stop()
@@ -417,7 +417,7 @@ def test_stopped_it_brakes_and_holds(head: HeadRig) -> None:
 
 @pytest.mark.parametrize("way", [-40, 40])
 @pytest.mark.parametrize("after", [0.0, 0.02, 0.04, 0.06, 0.08, 0.1, 0.15, 0.2, 0.3])
-def test_stopped_at_any_moment_of_its_way_it_turns_no_way_back(head: HeadRig, way: float, after: float) -> None:
+def test_head_stopped_at_any_moment_does_not_turn_back(head: HeadRig, way: float, after: float) -> None:
     head.wait(0.5)
     head.device.look(HeadPose(START.pan + radians(way), START.tilt))
     head.wait(after)
@@ -433,7 +433,7 @@ def test_stopped_at_any_moment_of_its_way_it_turns_no_way_back(head: HeadRig, wa
 
 @pytest.mark.parametrize("way", [-40, 40])
 @pytest.mark.parametrize("after", [0.0, 0.02, 0.06, 0.3])
-def test_stopped_and_told_to_go_back_it_leaps_no_degree(head: HeadRig, way: float, after: float) -> None:
+def test_head_sent_back_after_a_stop_does_not_jump(head: HeadRig, way: float, after: float) -> None:
     head.wait(0.5)
     head.device.look(HeadPose(START.pan + radians(way), START.tilt))
     head.wait(after)
@@ -447,9 +447,7 @@ def test_stopped_and_told_to_go_back_it_leaps_no_degree(head: HeadRig, way: floa
 
 
 @pytest.mark.parametrize("way", [-40, 40])
-def test_stopped_as_it_begins_it_goes_no_farther_however_often_and_goes_back_where_it_was(
-    head: HeadRig, way: float
-) -> None:
+def test_repeatedly_stopped_head_stays_and_returns_to_its_start(head: HeadRig, way: float) -> None:
     head.wait(0.5)
     began = head.pose()
     for _ in range(8):
@@ -461,7 +459,7 @@ def test_stopped_as_it_begins_it_goes_no_farther_however_often_and_goes_back_whe
     head.until(lambda: abs(head.pose().pan - began.pan) < DEGREE / 2)
 
 
-def test_trimmed_while_it_runs_it_looks_where_it_was_told_by_the_new_measure(head: HeadRig) -> None:
+def test_trim_while_running_keeps_the_commanded_direction(head: HeadRig) -> None:
     here = head.truth()
     assert head.device.trim(pan=radians(6)) == (radians(6), 0.0)
     head.until(lambda: abs(head.truth().pan - here.pan - radians(6)) <= DEGREE)
@@ -482,7 +480,7 @@ def test_a_trim_of_more_than_45_degrees_is_refused_and_changes_nothing(head: Hea
     assert head.device.trim() == (0.0, 0.0)
 
 
-def test_a_past_pose_lies_between_those_before_and_after(head: HeadRig) -> None:
+def test_past_head_pose_is_interpolated(head: HeadRig) -> None:
     began = head.device.pose().stamp
     head.device.look(HeadPose(radians(60), START.tilt))
     head.until(lambda: head.looks(HeadPose(radians(60), START.tilt)))
@@ -497,7 +495,7 @@ def test_a_past_pose_lies_between_those_before_and_after(head: HeadRig) -> None:
     assert head.device.pose_at(began - 10.0) is None
 
 
-def test_unplugged_it_says_why_and_refuses_goals(head: HeadRig) -> None:
+def test_unplugged_head_gives_the_reason_and_refuses_goals(head: HeadRig) -> None:
     head.unplug()
     head.until(lambda: head.told("offline"))
     (notice,) = [notice for notice in head.notices if notice.kind == "offline"]
@@ -528,7 +526,7 @@ def test_a_goal_does_not_survive_the_plug(head: HeadRig) -> None:
     head.until(lambda: head.looks(START))
 
 
-def test_closed_it_holds_and_opened_again_it_goes_on(head: HeadRig) -> None:
+def test_closed_head_holds_and_moves_again_once_opened(head: HeadRig) -> None:
     head.device.look(HeadPose(radians(-70), START.tilt))
     head.until(lambda: head.pose().pan < 0.0)
     head.device.close()

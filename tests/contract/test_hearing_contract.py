@@ -141,7 +141,7 @@ def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[HearingRig]:
     rig.close()
 
 
-def test_before_it_is_opened_it_has_heard_nothing(rig: HearingRig) -> None:
+def test_unopened_hearing_is_offline_and_has_no_phrases(rig: HearingRig) -> None:
     hearing = rig.hearing
     assert (hearing.words(), hearing.refused(), hearing.listened(), hearing.level()) == ((), (), None, -90)
     health = rig.health()
@@ -165,7 +165,7 @@ def test_phrases_are_understood_in_their_order_and_other_speech_is_refused(rig: 
     assert rig.hearing.listened() == pytest.approx(11.0, abs=0.2)
 
 
-def test_what_is_said_while_the_robot_speaks_is_not_heard_and_what_is_said_then_is(rig: HearingRig) -> None:
+def test_phrases_during_own_speech_are_ignored(rig: HearingRig) -> None:
     rig.speaking = [(1.05, 2.9)]
     rig.people_say((1.0, "turn left"), (4.0, "yes"))
     rig.open()
@@ -173,7 +173,7 @@ def test_what_is_said_while_the_robot_speaks_is_not_heard_and_what_is_said_then_
     assert [words.phrase for words in rig.hearing.words()] == ["yes"]
 
 
-def test_one_hears_how_loud_it_is(rig: HearingRig) -> None:
+def test_sound_level_rises_with_speech(rig: HearingRig) -> None:
     rig.people_say((1.0, "hello robot"))
     rig.open()
     rig.run(0.8)

@@ -209,7 +209,7 @@ def test_both_are_joints(rig: JointsRig) -> None:
     assert device.name == "arm"
 
 
-def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: JointsRig) -> None:
+def test_unopened_device_is_offline_and_has_no_readings(rig: JointsRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     assert {reading.quality for reading in rig.device.states().values()} == {Quality.NONE}
@@ -221,20 +221,20 @@ def test_before_it_is_opened_it_says_so_and_knows_nothing(rig: JointsRig) -> Non
     assert rig.notices == []
 
 
-def test_joints_that_cannot_be_are_told_all_at_once(rig: JointsRig) -> None:
+def test_all_invalid_joint_specs_are_reported_together(rig: JointsRig) -> None:
     specs = {"a": JointSpec(1, model="AX-99"), "b": JointSpec(1, speed=nan)}
     with pytest.raises(BadRequest, match=r"AX-99.*nan.*servo 1 is a already"):
         rig.make(specs)
 
 
-def test_its_limits_are_those_of_the_robot_file_in_its_order(rig: JointsRig) -> None:
+def test_joint_limits_are_in_the_order_of_the_robot_file(rig: JointsRig) -> None:
     limits = rig.device.limits
     assert list(limits) == list(rig.device.states()) == ["wrist", "elbow", "shoulder"]
     assert (limits["wrist"].lower, limits["wrist"].upper, limits["wrist"].speed) == (-1.0, 1.0, 4.0)
     assert limits["shoulder"].speed == pytest.approx(MODELS[rig.model].top_speed)
 
 
-def test_opened_it_comes_online_limp_and_says_so_once(arm: JointsRig) -> None:
+def test_opened_arm_comes_online_limp_with_one_notice(arm: JointsRig) -> None:
     health = arm.device.health()
     assert (health.online, health.detail, health.hint) == (True, "", "")
     assert [notice.kind for notice in arm.notices] == ["online"]
@@ -246,7 +246,7 @@ def test_opened_it_comes_online_limp_and_says_so_once(arm: JointsRig) -> None:
     arm.until(lambda: arm.changes > changes)
 
 
-def test_joints_go_together_where_they_are_told(arm: JointsRig) -> None:
+def test_joints_move_together_to_their_goals(arm: JointsRig) -> None:
     goals = {"elbow": 0.8, "wrist": -0.6}
     assert arm.device.move(goals) == goals
     arm.until(lambda: all(arm.at(joint, goal) for joint, goal in goals.items()))
@@ -269,7 +269,7 @@ def test_a_goal_beyond_the_limits_is_clamped(arm: JointsRig) -> None:
     assert sum("of wrist was clamped" in notice.message for notice in arm.notices) == 1
 
 
-def test_the_error_is_how_far_it_is_beyond_its_goal_whichever_way_it_is_mounted(arm: JointsRig) -> None:
+def test_position_error_is_independent_of_mounting_direction(arm: JointsRig) -> None:
     assert arm.state("elbow").error is None
     arm.device.move({"elbow": 1.0, "shoulder": 1.0}, speeds={"elbow": 0.5, "shoulder": 0.5})
     for joint in ("elbow", "shoulder"):
@@ -278,7 +278,7 @@ def test_the_error_is_how_far_it_is_beyond_its_goal_whichever_way_it_is_mounted(
         assert -1.1 < state.position - 1.0 < -0.5
 
 
-def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: JointsRig) -> None:
+def test_joint_moves_at_the_requested_speed(arm: JointsRig) -> None:
     began = arm.clock.now()
     arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").moving)
@@ -299,7 +299,7 @@ def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: JointsRig) -> 
         ({"elbow": 0.1}, {"elbow": inf}, "a speed of inf"),
     ],
 )
-def test_a_move_that_cannot_be_is_refused_as_a_whole(
+def test_invalid_move_is_refused_as_a_whole(
     arm: JointsRig, goals: dict[str, float], speeds: dict[str, float], complaint: str
 ) -> None:
     with pytest.raises(BadRequest, match=complaint):
@@ -308,7 +308,7 @@ def test_a_move_that_cannot_be_is_refused_as_a_whole(
     assert arm.at("elbow", 0.0)
 
 
-def test_held_it_stands_still_and_stiff_where_it_is(arm: JointsRig) -> None:
+def test_held_arm_stops_with_torque(arm: JointsRig) -> None:
     arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
     arm.until(lambda: arm.state("shoulder").position > 0.3)
     arm.device.hold()
@@ -320,7 +320,7 @@ def test_held_it_stands_still_and_stiff_where_it_is(arm: JointsRig) -> None:
     assert all(arm.state(joint).torque for joint in SPECS)
 
 
-def test_relaxed_it_has_no_torque_and_no_goal(arm: JointsRig) -> None:
+def test_relaxed_arm_has_no_torque_and_no_goal(arm: JointsRig) -> None:
     arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
     arm.until(lambda: arm.state("shoulder").position > 0.3)
     arm.device.relax()
@@ -331,7 +331,7 @@ def test_relaxed_it_has_no_torque_and_no_goal(arm: JointsRig) -> None:
     assert arm.truth("shoulder") == there
 
 
-def test_some_joints_can_be_held_or_relaxed_and_the_others_go_on(arm: JointsRig) -> None:
+def test_hold_and_relax_affect_only_the_named_joints(arm: JointsRig) -> None:
     arm.device.hold(["wrist", "elbow"])
     assert [arm.fresh(joint).torque for joint in SPECS] == [True, True, False]
     arm.device.move({"wrist": 0.8, "elbow": 0.8}, speeds={"wrist": 1.0, "elbow": 1.0})
@@ -348,7 +348,7 @@ def test_some_joints_can_be_held_or_relaxed_and_the_others_go_on(arm: JointsRig)
     assert arm.fresh("wrist").torque
 
 
-def test_a_follower_goes_where_its_leader_is_turned_which_stays_limp(arm: JointsRig) -> None:
+def test_follower_follows_its_limp_leader(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist", scale=-0.5, offset=0.1)])
     arm.until(lambda: arm.at("wrist", 0.1))
     for angle in (0.8, -0.6):
@@ -359,14 +359,14 @@ def test_a_follower_goes_where_its_leader_is_turned_which_stays_limp(arm: Joints
     assert not arm.fresh("shoulder").torque
 
 
-def test_a_follower_is_clamped_to_its_own_limits_and_that_is_told_once(arm: JointsRig) -> None:
+def test_follower_is_clamped_to_its_limits_with_one_notice(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist", scale=2.0)])
     arm.turn_by_hand("elbow", 1.2)
     arm.until(lambda: arm.at("wrist", 1.0))
     assert sum("goal of wrist was clamped" in notice.message for notice in arm.notices) == 1
 
 
-def test_a_joint_that_follows_no_more_stands_where_it_is(arm: JointsRig) -> None:
+def test_uncoupled_follower_stays_where_it_is(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
     arm.turn_by_hand("elbow", 0.3)
     arm.until(lambda: arm.at("wrist", 0.3) and arm.at("shoulder", 0.3))
@@ -386,7 +386,7 @@ def test_a_joint_that_follows_no_more_stands_where_it_is(arm: JointsRig) -> None
 
 
 @pytest.mark.parametrize("command", ["move", "hold", "relax"])
-def test_whoever_commands_a_follower_ends_what_leads_it(arm: JointsRig, command: str) -> None:
+def test_command_to_a_follower_ends_its_coupling(arm: JointsRig, command: str) -> None:
     arm.device.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
     arm.turn_by_hand("elbow", 0.3)
     arm.until(lambda: arm.at("wrist", 0.3) and arm.at("shoulder", 0.3))
@@ -403,7 +403,7 @@ def test_whoever_commands_a_follower_ends_what_leads_it(arm: JointsRig, command:
     assert arm.fresh("wrist").torque == (command != "relax")
 
 
-def test_couplings_that_cannot_be_are_refused_and_change_nothing(arm: JointsRig) -> None:
+def test_invalid_couplings_are_refused_without_changes(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist")])
     for wrong, words in (
         ([Coupling("knee", "wrist")], "no joint 'knee'"),
@@ -417,7 +417,7 @@ def test_couplings_that_cannot_be_are_refused_and_change_nothing(arm: JointsRig)
     arm.until(lambda: arm.at("wrist", 0.4))
 
 
-def test_unplugged_nothing_can_be_led_but_it_can_be_ended(arm: JointsRig) -> None:
+def test_couplings_of_an_unplugged_arm_can_end_but_not_begin(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist")])
     arm.turn_by_hand("elbow", 0.4)
     arm.until(lambda: arm.at("wrist", 0.4))
@@ -434,7 +434,7 @@ def test_unplugged_nothing_can_be_led_but_it_can_be_ended(arm: JointsRig) -> Non
     assert arm.at("wrist", 0.4)
 
 
-def test_plugged_in_again_a_follower_goes_on_to_follow(arm: JointsRig) -> None:
+def test_replugged_follower_resumes_following(arm: JointsRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist")])
     arm.turn_by_hand("elbow", 0.4)
     arm.until(lambda: arm.at("wrist", 0.4))
@@ -446,7 +446,7 @@ def test_plugged_in_again_a_follower_goes_on_to_follow(arm: JointsRig) -> None:
 
 
 @pytest.mark.parametrize("kind", RIGS)
-def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until_it_is_enabled(
+def test_arm_rests_after_a_disconnect_and_is_latched_after_a_long_one(
     kind: type[WireJoints | TwinJoints],
 ) -> None:
     rig = kind(away=ReconnectPolicy(decide_after=0.4, latch_after=1.5))
@@ -479,7 +479,7 @@ def test_away_for_long_it_rests_until_somebody_decides_anew_and_for_longer_until
         rig.close()
 
 
-def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus(arm: JointsRig) -> None:
+def test_distant_follower_approaches_slowly_also_after_a_reconnect(arm: JointsRig) -> None:
     began = arm.clock.now()
     arm.turn_by_hand("elbow", 1.0)
     arm.device.follow([Coupling("elbow", "wrist")])
@@ -499,7 +499,7 @@ def test_a_follower_that_is_far_off_is_brought_over_slowly_also_after_a_lost_bus
 
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])
 @pytest.mark.parametrize("kind", RIGS)
-def test_at_rest_it_is_as_the_robot_file_asks(kind: type[WireJoints | TwinJoints], at_rest: str) -> None:
+def test_resting_arm_holds_or_relaxes_as_configured(kind: type[WireJoints | TwinJoints], at_rest: str) -> None:
     rig = kind(at_rest="hold" if at_rest == "hold" else "relax")
     try:
         rig.start()
@@ -513,7 +513,7 @@ def test_at_rest_it_is_as_the_robot_file_asks(kind: type[WireJoints | TwinJoints
         rig.close()
 
 
-def test_unplugged_it_says_why_while_the_servos_come_to_rest_on_their_way(arm: JointsRig) -> None:
+def test_unplugged_arm_gives_the_reason_while_its_servos_stop(arm: JointsRig) -> None:
     arm.device.move({"elbow": 1.2}, speeds={"elbow": 2.0})
     arm.until(lambda: arm.state("elbow").position > 0.1)
     arm.unplug()
@@ -536,7 +536,7 @@ def test_unplugged_it_says_why_while_the_servos_come_to_rest_on_their_way(arm: J
     arm.device.relax()
 
 
-def test_what_cannot_be_brought_to_rest_is_told_once_without_what_has_shut_down(arm: JointsRig) -> None:
+def test_failed_rest_is_reported_once_without_shut_down_servos(arm: JointsRig) -> None:
     arm.device.move({"elbow": 0.3, "wrist": 0.3})
     arm.until(lambda: arm.at("elbow", 0.3) and arm.at("wrist", 0.3))
     arm.overload("elbow")
@@ -551,7 +551,7 @@ def test_what_cannot_be_brought_to_rest_is_told_once_without_what_has_shut_down(
     assert notice.hint == "switch their power off by hand"
 
 
-def test_unplugged_it_tells_once_what_it_cannot_hold_and_holds_it_when_it_is_back(arm: JointsRig) -> None:
+def test_failed_hold_is_reported_once_and_repeated_after_a_reconnect(arm: JointsRig) -> None:
     arm.device.move({"elbow": 1.2}, speeds={"elbow": 0.5})
     arm.until(lambda: arm.state("elbow").position > 0.1)
     arm.unplug()
@@ -572,7 +572,7 @@ def test_unplugged_it_tells_once_what_it_cannot_hold_and_holds_it_when_it_is_bac
     assert not arm.told("fault")
 
 
-def test_plugged_in_again_it_holds_where_it_is(arm: JointsRig) -> None:
+def test_replugged_arm_holds_its_position(arm: JointsRig) -> None:
     arm.device.move({"elbow": 1.2}, speeds={"elbow": 0.5})
     arm.until(lambda: arm.state("elbow").position > 0.1)
     arm.unplug()
@@ -589,7 +589,7 @@ def test_plugged_in_again_it_holds_where_it_is(arm: JointsRig) -> None:
     arm.until(lambda: arm.at("elbow", 0.0))
 
 
-def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from_where_it_stands(
+def test_exchanged_servo_is_reported_and_moves_on_slowly(
     arm: JointsRig,
 ) -> None:
     arm.device.move({"elbow": 0.7, "wrist": 0.2})
@@ -617,9 +617,7 @@ def test_a_servo_that_was_exchanged_meanwhile_is_told_of_and_goes_on_slowly_from
 
 
 @pytest.mark.parametrize("after", [0.3, 0.31, 0.33])
-def test_a_joint_that_ended_its_leg_while_it_was_unplugged_does_not_stir_when_it_is_held(
-    arm: JointsRig, after: float
-) -> None:
+def test_hold_after_a_finished_move_while_unplugged_moves_nothing(arm: JointsRig, after: float) -> None:
     arm.device.move({"elbow": 1.4}, speeds={"elbow": 2.0})
     arm.wait(after)
     arm.unplug()
@@ -633,7 +631,7 @@ def test_a_joint_that_ended_its_leg_while_it_was_unplugged_does_not_stir_when_it
     assert arm.truth("elbow") == pytest.approx(stood, abs=1e-9)
 
 
-def test_a_joint_that_ended_its_leg_or_was_limp_while_it_was_unplugged_is_where_it_should_be(arm: JointsRig) -> None:
+def test_joints_keep_goal_or_limpness_over_a_disconnect(arm: JointsRig) -> None:
     arm.device.move({"elbow": 1.4}, speeds={"elbow": 2.0})
     arm.until(lambda: arm.state("elbow").position > 0.2)
     arm.unplug()
@@ -646,7 +644,7 @@ def test_a_joint_that_ended_its_leg_or_was_limp_while_it_was_unplugged_is_where_
     assert not arm.told("fault")
 
 
-def test_a_servo_that_shuts_itself_down_is_told_of_and_left_out(arm: JointsRig) -> None:
+def test_servo_that_shuts_down_is_reported_and_left_out(arm: JointsRig) -> None:
     arm.device.move({"elbow": 0.3})
     arm.until(lambda: arm.at("elbow", 0.3))
     arm.overload("elbow")
@@ -665,7 +663,7 @@ def test_a_servo_that_shuts_itself_down_is_told_of_and_left_out(arm: JointsRig) 
     assert not arm.fresh("elbow").torque
 
 
-def test_a_servo_recovers_where_it_stands(arm: JointsRig) -> None:
+def test_recovered_servo_holds_its_position(arm: JointsRig) -> None:
     arm.device.move({"elbow": 0.3})
     arm.until(lambda: arm.at("elbow", 0.3))
     assert arm.device.recover() == ()
@@ -679,7 +677,7 @@ def test_a_servo_recovers_where_it_stands(arm: JointsRig) -> None:
     assert arm.device.health().detail == ""
 
 
-def test_closed_it_holds_and_opened_again_it_moves(arm: JointsRig) -> None:
+def test_closed_arm_holds_and_moves_again_once_opened(arm: JointsRig) -> None:
     arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
     arm.until(lambda: arm.state("shoulder").position > 0.3)
     arm.device.close()

@@ -18,21 +18,21 @@ from tests.contract.rigs import InSimulatedTime, simulated
 from tests.contract.test_base_contract import (  # noqa: F401 - what a base without senses promises as well
     WALL,
     Room,
-    test_a_command_that_nobody_renews_ends_by_itself,
-    test_a_full_turn_goes_on_counting,
-    test_a_past_heading_lies_between_those_measured_before_and_after,
     test_a_person_has_the_wheels_before_the_mission_and_a_while_after,
-    test_a_velocity_that_is_no_number_is_refused_and_changes_nothing,
-    test_before_it_is_opened_it_says_so_and_knows_nothing,
-    test_closed_it_stands_still_and_opened_again_it_drives,
-    test_it_gathers_speed_gently_and_keeps_it_while_asked,
-    test_latched_it_stands_whoever_commands_until_it_is_enabled,
-    test_nobody_commands_in_the_name_of_safety,
-    test_opened_it_comes_online_and_says_so_once,
-    test_plugged_in_again_it_is_back_at_rest_where_it_was,
+    test_base_accelerates_gently_and_keeps_its_velocity,
+    test_closed_base_stops_and_drives_again_once_opened,
+    test_command_expires_without_renewal,
+    test_command_with_source_safety_is_refused,
+    test_heading_continues_beyond_a_full_turn,
+    test_latched_base_refuses_all_commands_until_enabled,
+    test_opened_base_comes_online_with_one_notice,
+    test_past_heading_is_interpolated,
+    test_replugged_base_is_online_at_rest_with_its_pose,
     test_stop_is_at_once_and_without_a_ramp,
-    test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest,
-    test_what_is_asked_for_is_slowed_down_as_a_whole,
+    test_too_fast_velocity_is_scaled_down_as_a_whole,
+    test_unopened_device_is_offline_and_has_no_readings,
+    test_unplugged_base_gives_the_reason_refuses_commands_and_stops,
+    test_velocity_that_is_not_finite_is_refused,
 )
 from tests.contract.test_base_contract import BaseRig as FeelingRig
 from tests.drivers.cranked import HandWire
@@ -183,15 +183,15 @@ def test_forward_is_forward_and_left_is_anticlockwise(base: PlainRig) -> None:
     assert base.truth().heading > 0.3
 
 
-def test_it_says_whether_its_pose_is_dead_reckoning(base: PlainRig) -> None:
+def test_base_state_marks_dead_reckoning(base: PlainRig) -> None:
     assert base.state().reckoned is base.reckoned
 
 
-def test_it_has_no_sounds_no_lights_and_no_legs(base: PlainRig) -> None:
+def test_plain_base_has_no_sounds_lights_or_legs(base: PlainRig) -> None:
     assert (base.device.sounds, base.device.lights, base.device.legs) == (None, None, None)
 
 
-def test_a_wall_holds_it_up_unfelt_and_dead_reckoning_believes_that_it_went_on(base: PlainRig) -> None:
+def test_dead_reckoning_continues_at_a_wall(base: PlainRig) -> None:
     base.drive(0.5, 0.0, lambda: base.truth().x > WALL - BASE_RADIUS - 0.001)
     asked = base.clock.now()
     base.drive(0.5, 0.0, lambda: base.clock.now() - asked > 1.0)
@@ -200,7 +200,7 @@ def test_a_wall_holds_it_up_unfelt_and_dead_reckoning_believes_that_it_went_on(b
     assert base.state().pose.x > WALL
 
 
-def test_away_for_long_it_stays_at_rest_until_it_is_enabled(base: PlainRig) -> None:
+def test_device_is_latched_after_a_long_disconnect(base: PlainRig) -> None:
     base.drive(-0.2, 0.0, lambda: base.state().pose.x < -0.05)
     base.unplug()
     base.wait(6.0)
@@ -217,7 +217,7 @@ def test_away_for_long_it_stays_at_rest_until_it_is_enabled(base: PlainRig) -> N
     base.drive(-0.2, 0.0, lambda: base.state().velocity.linear < -0.1)
 
 
-def test_a_turn_is_as_wide_as_the_track_says(base: PlainRig) -> None:
+def test_turn_matches_the_track_width(base: PlainRig) -> None:
     base.drive(0.0, 1.5, lambda: base.state().pose.heading > 2.0)
     base.device.stop()
     base.comes_to_rest()

@@ -25,7 +25,7 @@ def rig(request: pytest.FixtureRequest) -> Iterator[RangeRig]:
     made.close()
 
 
-def test_before_it_is_opened_nothing_is_known_and_everything_is_safe(rig: RangeRig) -> None:
+def test_unopened_range_finder_is_offline_and_has_no_scan(rig: RangeRig) -> None:
     reading = rig.device.scan()
     assert (reading.value, reading.quality) == (None, Quality.NONE)
     assert not rig.device.health().online
@@ -34,12 +34,12 @@ def test_before_it_is_opened_nothing_is_known_and_everything_is_safe(rig: RangeR
     rig.device.close()
 
 
-def test_it_tells_its_name_and_where_it_sits(rig: RangeRig) -> None:
+def test_range_finder_has_its_name_and_mounting(rig: RangeRig) -> None:
     assert rig.device.name == "range"
     assert rig.device.place == PLACE
 
 
-def test_it_measures_the_room_in_the_directions_of_the_base(rig: RangeRig) -> None:
+def test_scan_measures_the_room_in_base_coordinates(rig: RangeRig) -> None:
     rig.start()
     scan = rig.next_scan()
     narrow = radians(10)
@@ -50,7 +50,7 @@ def test_it_measures_the_room_in_the_directions_of_the_base(rig: RangeRig) -> No
     assert scan.nearest() == pytest.approx(1.0, rel=0.05)
 
 
-def test_it_turns_with_the_base(rig: RangeRig) -> None:
+def test_scan_turns_with_the_base(rig: RangeRig) -> None:
     rig.start()
     rig.base = Pose2D(0.0, 0.0, pi)
     scan = rig.next_scan(3)
@@ -66,7 +66,7 @@ def test_nothing_is_seen_in_the_blind_sectors(rig: RangeRig) -> None:
     assert not isnan(float(scan.ranges[np.argmin(np.abs(scan.bearings() - radians(90)))]))
 
 
-def test_scans_come_in_order_fresh_and_each_is_told(rig: RangeRig) -> None:
+def test_scans_are_in_order_and_each_is_reported(rig: RangeRig) -> None:
     rig.start()
     first, told = rig.scan(), rig.changes
     later = rig.next_scan(3)
@@ -86,7 +86,7 @@ def test_scans_are_noisy_but_not_much(rig: RangeRig) -> None:
     assert 0.002 < float(np.median(np.abs(share))) < 0.05
 
 
-def test_an_unplugged_finder_is_offline_and_its_scan_stale_until_it_is_back(rig: RangeRig) -> None:
+def test_unplugged_range_finder_is_offline_with_a_stale_scan(rig: RangeRig) -> None:
     rig.start()
     rig.unplug()
     rig.until(lambda: not rig.device.health().online and rig.told("offline"))
@@ -99,7 +99,7 @@ def test_an_unplugged_finder_is_offline_and_its_scan_stale_until_it_is_back(rig:
     assert rig.device.health().online
 
 
-def test_after_it_was_closed_it_may_be_opened_again(rig: RangeRig) -> None:
+def test_closed_range_finder_can_be_opened_again(rig: RangeRig) -> None:
     rig.start()
     rig.device.close()
     assert not rig.device.health().online

@@ -27,28 +27,28 @@ from tests.contract.test_base_contract import (  # noqa: F401 - all that a base 
     BaseRig,
     Room,
     test_a_bumper_forbids_forward_but_not_back_and_round,
-    test_a_cliff_ends_a_drive_forward_though_it_is_asked_for,
-    test_a_command_that_nobody_renews_ends_by_itself,
-    test_a_full_turn_goes_on_counting,
-    test_a_past_heading_lies_between_those_measured_before_and_after,
     test_a_person_has_the_wheels_before_the_mission_and_a_while_after,
-    test_a_velocity_that_is_no_number_is_refused_and_changes_nothing,
-    test_a_wall_stops_it_and_it_can_back_off,
-    test_at_an_edge_it_goes_straight_back_and_nowhere_else_until_that_is_behind,
-    test_before_it_is_opened_it_says_so_and_knows_nothing,
-    test_closed_it_stands_still_and_opened_again_it_drives,
-    test_driven_into_something_it_backs_off_by_itself,
-    test_it_gathers_speed_gently_and_keeps_it_while_asked,
-    test_it_plays_shines_and_refuses_what_it_has_not,
-    test_latched_it_stands_whoever_commands_until_it_is_enabled,
-    test_nobody_commands_in_the_name_of_safety,
-    test_opened_it_comes_online_and_says_so_once,
-    test_plugged_in_again_it_is_back_at_rest_where_it_was,
+    test_base_accelerates_gently_and_keeps_its_velocity,
+    test_base_at_a_cliff_only_drives_straight_back,
+    test_base_backs_off_after_a_bump,
+    test_base_plays_sounds_and_refuses_unknown_lights,
+    test_base_with_dropped_wheels_does_not_drive,
+    test_cliff_stops_a_forward_drive,
+    test_closed_base_stops_and_drives_again_once_opened,
+    test_command_expires_without_renewal,
+    test_command_with_source_safety_is_refused,
+    test_heading_continues_beyond_a_full_turn,
+    test_latched_base_refuses_all_commands_until_enabled,
+    test_opened_base_comes_online_with_one_notice,
+    test_past_heading_is_interpolated,
+    test_replugged_base_is_online_at_rest_with_its_pose,
+    test_sounds_and_lights_of_an_unplugged_base_are_not_connected,
     test_stop_is_at_once_and_without_a_ramp,
-    test_unplugged_it_says_why_refuses_to_drive_and_comes_to_rest,
-    test_unplugged_its_sounder_and_its_lights_say_so,
-    test_what_is_asked_for_is_slowed_down_as_a_whole,
-    test_with_its_wheels_in_the_air_it_does_nothing,
+    test_too_fast_velocity_is_scaled_down_as_a_whole,
+    test_unopened_device_is_offline_and_has_no_readings,
+    test_unplugged_base_gives_the_reason_refuses_commands_and_stops,
+    test_velocity_that_is_not_finite_is_refused,
+    test_wall_stops_the_base_which_can_back_off,
 )
 from tests.drivers.cranked import HandWire
 
@@ -136,7 +136,7 @@ def base(rig: Topics) -> Topics:
     return rig
 
 
-def test_forward_is_forward_and_left_is_anticlockwise_wherever_its_odometry_began(base: Topics) -> None:
+def test_base_pose_starts_at_zero_with_standard_directions(base: Topics) -> None:
     assert base.state().pose == Pose2D(0.0, 0.0, 0.0)
     base.drive(0.2, 0.0, lambda: base.state().pose.x > 0.06)
     assert base.truth().x > 0.04
@@ -148,7 +148,7 @@ def test_forward_is_forward_and_left_is_anticlockwise_wherever_its_odometry_bega
 
 
 @pytest.mark.parametrize("there", [(), ("sounds",), ("lights",), ("sounds", "lights")], ids=str)
-def test_a_base_has_those_capabilities_for_which_it_has_topics(there: tuple[str, ...]) -> None:
+def test_ros2_base_capabilities_depend_on_its_topics(there: tuple[str, ...]) -> None:
     topics = [topic for topic in TOPICS if topic not in {"sounds", "lights"} or topic in there]
     named = {topic: TOPICS[topic] if topic in there else "" for topic in ("sounds", "lights")}
     keys = Ros2BaseKeys(sounds=named["sounds"], lights=named["lights"])
@@ -158,7 +158,7 @@ def test_a_base_has_those_capabilities_for_which_it_has_topics(there: tuple[str,
     assert {name for name in ("sounds", "lights", "legs") if getattr(device, name) is not None} == {*there}
 
 
-def test_at_rest_it_says_nothing_that_could_hold_up_who_else_drives_the_robot(base: Topics) -> None:
+def test_idle_ros2_base_publishes_no_velocity(base: Topics) -> None:
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.1)
     base.wait(2.0)
     said = len(base.robot.received_velocities)
@@ -167,7 +167,7 @@ def test_at_rest_it_says_nothing_that_could_hold_up_who_else_drives_the_robot(ba
     assert len(base.robot.received_velocities) == said
 
 
-def test_latched_it_is_told_to_stand_again_and_again_and_what_else_drives_it_is_ended(base: Topics) -> None:
+def test_latched_ros2_base_repeats_zero_and_cancels_goals(base: Topics) -> None:
     base.wait(2.0)
     said, halts = len(base.robot.received_velocities), base.halts
     base.device.latch("somebody shouted")
@@ -176,7 +176,7 @@ def test_latched_it_is_told_to_stand_again_and_again_and_what_else_drives_it_is_
     assert len(base.robot.received_velocities) - said >= 10
 
 
-def test_somebody_who_sets_its_odometry_does_not_move_it(base: Topics) -> None:
+def test_reset_of_the_odometry_origin_does_not_move_the_pose(base: Topics) -> None:
     base.drive(0.2, 0.0, lambda: base.state().pose.x > 0.1)
     base.comes_to_rest()
     base.wait(0.1)
@@ -189,7 +189,7 @@ def test_somebody_who_sets_its_odometry_does_not_move_it(base: Topics) -> None:
     assert base.state().pose.y == pytest.approx(before.y, abs=2e-3)
 
 
-def test_a_link_that_stalls_brings_it_to_rest_within_seven_tenths_of_a_second(base: Topics) -> None:
+def test_stalled_link_stops_the_base_within_0_7_seconds(base: Topics) -> None:
     base.drive(0.2, 0.0, lambda: base.state().velocity.linear > 0.19)
     base.robot.is_stalled = True
     began = base.clock.now()
@@ -202,7 +202,7 @@ def test_a_link_that_stalls_brings_it_to_rest_within_seven_tenths_of_a_second(ba
     assert base.stands(), "what was commanded before is not in force"
 
 
-def test_messages_that_are_none_are_counted_and_nothing_follows(base: Topics) -> None:
+def test_malformed_messages_are_counted_and_ignored(base: Topics) -> None:
     for channel in range(-1, len(TOPICS)):
         for payload in (b"", b"\0\1\0\0", b"\xff" * 900, bytes(700)):
             base.wire.take(frame(channel % 0x10000, payload))
@@ -211,7 +211,7 @@ def test_messages_that_are_none_are_counted_and_nothing_follows(base: Topics) ->
     assert base.device.health().counters["malformed"] > 10
 
 
-def test_a_base_that_nobody_listens_for_says_which_topic_that_is() -> None:
+def test_missing_subscriber_is_reported_with_its_topic() -> None:
     rig = Topics()
     rig.robot._kind = lambda channel: "" if channel == 0 else VirtualRos2Base._kind(rig.robot, channel)  # type: ignore[method-assign]
     rig.device.open()
@@ -233,7 +233,7 @@ def test_odometry_of_no_robot_is_counted_and_nothing_follows(base: Topics) -> No
     assert base.device.health().counters["malformed"] >= counted + 4
 
 
-def test_hazards_of_all_types_are_in_its_state_and_those_that_hold_it_up_are_faults(base: Topics) -> None:
+def test_hazards_are_in_the_state_and_blocking_ones_are_faults(base: Topics) -> None:
     base.robot.hazards = [(create3.STALL, "wheel_left"), (create3.OBJECT_PROXIMITY, "ir_intensity_left"), (9, "")]
     base.wait(0.1)
     assert base.state().hazards == {"stall left", "object near left", "hazard of type 9"}
@@ -259,7 +259,7 @@ def test_a_hazard_between_two_reports_of_odometry_is_not_missed(base: Topics) ->
     assert states[-1] == frozenset()
 
 
-def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driven_forwards(base: Topics) -> None:
+def test_backup_limit_stops_the_base_until_it_drives_forwards(base: Topics) -> None:
     base.robot.body.backup_limit = BackupLimit(0.025)
     started = base.clock.now()
     base.drive(-0.2, 0.0, lambda: base.clock.now() > started + 1.5)
@@ -274,7 +274,7 @@ def test_at_its_backup_limit_it_stands_says_so_and_backs_again_after_it_has_driv
     base.drive(-0.2, 0.0, lambda: base.truth().x < there + 0.05)
 
 
-def test_with_its_e_stop_on_it_obeys_no_velocity_and_its_monitor_says_so(base: Topics) -> None:
+def test_base_with_active_e_stop_is_reported_by_the_monitor(base: Topics) -> None:
     base.robot.body.e_stop = True
     started, notices = base.clock.now(), len(base.notices)
     base.drive(0.2, 0.5, lambda: base.clock.now() > started + 1.5)
@@ -284,7 +284,7 @@ def test_with_its_e_stop_on_it_obeys_no_velocity_and_its_monitor_says_so(base: T
     ]
 
 
-def test_a_base_at_its_backup_limit_fails_its_leaf_within_two_seconds_and_says_why(base: Topics) -> None:
+def test_backup_limit_fails_the_drive_leaf_within_two_seconds(base: Topics) -> None:
     base.robot.body.backup_limit = BackupLimit(0.025)
     bench = LeafTestBench(base.clock)  # type: ignore[arg-type]
     bench.robot = replace(bench.robot, base_part=base.device)
@@ -331,7 +331,7 @@ class Odometry:
 
 @pytest.mark.parametrize("stamped", [True, False])
 @pytest.mark.parametrize("arrivals", [0.001, 0.007, 0.02])
-def test_the_drift_is_learnt_from_odometry_that_arrives_in_pairs(base: Topics, stamped: bool, arrivals: float) -> None:
+def test_gyro_drift_is_learnt_from_paired_odometry(base: Topics, stamped: bool, arrivals: float) -> None:
     odometry = Odometry(base, stamped=stamped)
     odometry.tell(0.015, 4.0, arrivals=arrivals)
     state = base.device.state().value
@@ -344,7 +344,7 @@ def test_the_drift_is_learnt_from_odometry_that_arrives_in_pairs(base: Topics, s
     assert after.pose.heading == pytest.approx(state.pose.heading, abs=0.001)
 
 
-def test_a_slow_turn_by_another_node_is_followed_and_not_learnt(base: Topics) -> None:
+def test_slow_turn_by_another_node_is_not_learnt_as_drift(base: Topics) -> None:
     odometry = Odometry(base, stamped=True)
     odometry.tell(0.0, 5.0, arrivals=0.02)
     before = base.device.state().value
@@ -356,7 +356,7 @@ def test_a_slow_turn_by_another_node_is_followed_and_not_learnt(base: Topics) ->
     assert after.velocity.angular == pytest.approx(0.1, abs=0.01)
 
 
-def test_nothing_is_learnt_while_a_goal_of_another_node_is_under_way(base: Topics) -> None:
+def test_drift_is_not_learnt_during_a_goal_of_another_node(base: Topics) -> None:
     base.entrusted = True
     odometry = Odometry(base, stamped=True)
     odometry.tell(0.1, 5.0, arrivals=0.02)

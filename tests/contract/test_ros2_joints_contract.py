@@ -19,7 +19,7 @@ from tests.contract.rigs import InSimulatedTime, Rig, simulated
 from tests.contract.test_joints_contract import (  # noqa: F401 - what holds of joints that are always stiff
     TICK,
     test_a_goal_beyond_the_limits_is_clamped,
-    test_before_it_is_opened_it_says_so_and_knows_nothing,
+    test_unopened_device_is_offline_and_has_no_readings,
 )
 from tests.drivers.cranked import HandWire
 
@@ -149,7 +149,7 @@ def topics(request: pytest.FixtureRequest) -> Iterator[TopicArm]:
     rig.close()
 
 
-def test_it_is_joints_in_the_order_of_the_robot_file_stiff_from_the_beginning(arm: ArmRig) -> None:
+def test_ros2_arm_is_online_with_torque_in_the_order_of_the_file(arm: ArmRig) -> None:
     device: Joints = arm.device
     assert device.name == "arm"
     assert list(device.limits) == list(device.states()) == ["wrist", "elbow", "shoulder"]
@@ -160,7 +160,7 @@ def test_it_is_joints_in_the_order_of_the_robot_file_stiff_from_the_beginning(ar
     assert (arm.state("elbow").torque, arm.state("elbow").moving) == (True, False)
 
 
-def test_joints_go_together_where_they_are_told(arm: ArmRig) -> None:
+def test_joints_move_together_to_their_goals(arm: ArmRig) -> None:
     goals = {"elbow": 0.8, "wrist": -0.6}
     assert arm.device.move(goals) == goals
     arm.until(lambda: all(arm.at(joint, goal) for joint, goal in goals.items()))
@@ -169,7 +169,7 @@ def test_joints_go_together_where_they_are_told(arm: ArmRig) -> None:
     assert arm.at("shoulder", 0.0)
 
 
-def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: ArmRig) -> None:
+def test_joint_moves_at_the_requested_speed(arm: ArmRig) -> None:
     began = arm.clock.now()
     arm.device.move({"elbow": -0.5}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").velocity < -0.9)
@@ -187,7 +187,7 @@ def test_a_joint_goes_at_the_speed_asked_for_and_tells_of_it(arm: ArmRig) -> Non
         ({"elbow": 0.1}, {"elbow": inf}, "a speed of inf"),
     ],
 )
-def test_a_move_that_cannot_be_is_refused_as_a_whole(
+def test_invalid_move_is_refused_as_a_whole(
     arm: ArmRig, goals: dict[str, float], speeds: dict[str, float], complaint: str
 ) -> None:
     with pytest.raises(BadRequest, match=complaint):
@@ -196,7 +196,7 @@ def test_a_move_that_cannot_be_is_refused_as_a_whole(
     assert arm.at("elbow", 0.0)
 
 
-def test_held_it_stands_where_it_is_and_others_go_on(arm: ArmRig) -> None:
+def test_held_joint_stops_and_the_others_move_on(arm: ArmRig) -> None:
     arm.device.move({"shoulder": 2.0, "wrist": 0.8}, speeds={"shoulder": 1.5, "wrist": 1.0})
     arm.until(lambda: arm.state("shoulder").position > 0.3)
     arm.device.hold(["shoulder"])
@@ -210,7 +210,7 @@ def test_held_it_stands_where_it_is_and_others_go_on(arm: ArmRig) -> None:
             refused(["wrist", "knee"])
 
 
-def test_held_at_rest_again_and_again_it_does_not_creep_from_its_goal(arm: ArmRig) -> None:
+def test_repeated_rest_does_not_shift_the_goal(arm: ArmRig) -> None:
     arm.device.move({"elbow": 0.7})
     arm.until(lambda: arm.at("elbow", 0.7) and not arm.state("elbow").moving)
     for _ in range(20):
@@ -220,7 +220,7 @@ def test_held_at_rest_again_and_again_it_does_not_creep_from_its_goal(arm: ArmRi
     assert arm.truth("elbow") == pytest.approx(0.7, abs=TICK)
 
 
-def test_asked_to_be_limp_it_stands_where_it_is_and_says_that_it_cannot(arm: ArmRig) -> None:
+def test_relax_of_a_ros2_arm_holds_and_reports_a_fault(arm: ArmRig) -> None:
     arm.device.move({"shoulder": 2.0}, speeds={"shoulder": 1.5})
     arm.until(lambda: arm.state("shoulder").position > 0.3)
     arm.device.relax()
@@ -232,7 +232,7 @@ def test_asked_to_be_limp_it_stands_where_it_is_and_says_that_it_cannot(arm: Arm
     assert notice.hint
 
 
-def test_a_follower_goes_where_its_leader_goes_until_somebody_commands_it(arm: ArmRig) -> None:
+def test_ros2_follower_follows_until_commanded(arm: ArmRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist", scale=-0.5, offset=0.1)])
     arm.until(lambda: arm.at("wrist", 0.1))
     for angle in (0.8, -0.6):
@@ -246,7 +246,7 @@ def test_a_follower_goes_where_its_leader_goes_until_somebody_commands_it(arm: A
         arm.device.follow([Coupling("elbow", "wrist"), Coupling("wrist", "shoulder")])
 
 
-def test_unplugged_it_says_why_and_comes_to_rest_on_its_way(arm: ArmRig) -> None:
+def test_unplugged_ros2_arm_gives_the_reason_and_stops(arm: ArmRig) -> None:
     arm.device.move({"elbow": 1.4}, speeds={"elbow": 1.0})
     arm.until(lambda: arm.state("elbow").position > 0.1)
     before = arm.truth("elbow")
@@ -269,7 +269,7 @@ def test_unplugged_it_says_why_and_comes_to_rest_on_its_way(arm: ArmRig) -> None
     assert notice.hint
 
 
-def test_plugged_in_again_it_holds_where_it_is(arm: ArmRig) -> None:
+def test_replugged_arm_holds_its_position(arm: ArmRig) -> None:
     arm.device.move({"elbow": 1.2}, speeds={"elbow": 0.5})
     arm.until(lambda: arm.state("elbow").position > 0.1)
     arm.unplug()
@@ -286,7 +286,7 @@ def test_plugged_in_again_it_holds_where_it_is(arm: ArmRig) -> None:
     arm.until(lambda: arm.at("elbow", 0.0))
 
 
-def test_away_for_long_it_stays_at_rest_until_it_is_enabled(arm: ArmRig) -> None:
+def test_device_is_latched_after_a_long_disconnect(arm: ArmRig) -> None:
     arm.device.follow([Coupling("elbow", "wrist")])
     arm.unplug()
     arm.wait(4.0)
@@ -301,7 +301,7 @@ def test_away_for_long_it_stays_at_rest_until_it_is_enabled(arm: ArmRig) -> None
     assert arm.at("wrist", 0.0), "what it followed before is not in force"
 
 
-def test_closed_on_its_way_it_stands_and_opened_again_it_moves(arm: ArmRig) -> None:
+def test_closed_ros2_arm_stops_and_moves_again_once_opened(arm: ArmRig) -> None:
     arm.device.move({"shoulder": 2.5}, speeds={"shoulder": 1.0})
     arm.until(lambda: arm.state("shoulder").position > 0.3)
     arm.device.close()
@@ -313,7 +313,7 @@ def test_closed_on_its_way_it_stands_and_opened_again_it_moves(arm: ArmRig) -> N
     arm.until(lambda: arm.at("shoulder", 0.0))
 
 
-def test_whose_program_is_killed_it_stands_within_three_tenths_of_a_second(topics: TopicArm) -> None:
+def test_killed_program_stops_the_arm_within_0_3_seconds(topics: TopicArm) -> None:
     topics.device.move({"shoulder": 2.5}, speeds={"shoulder": 1.0})
     topics.until(lambda: topics.state("shoulder").position > 0.3)
     before = topics.truth("shoulder")
@@ -326,7 +326,7 @@ def test_whose_program_is_killed_it_stands_within_three_tenths_of_a_second(topic
     assert rested - before <= 1.1 * TRAJECTORY_HORIZON
 
 
-def test_whose_states_stall_it_is_sent_no_farther(topics: TopicArm) -> None:
+def test_arm_without_joint_states_stops(topics: TopicArm) -> None:
     topics.device.move({"shoulder": 2.5}, speeds={"shoulder": 1.0})
     topics.until(lambda: topics.state("shoulder").position > 0.3)
     before, topics.robot.is_silent = topics.truth("shoulder"), True
@@ -341,7 +341,7 @@ def test_whose_states_stall_it_is_sent_no_farther(topics: TopicArm) -> None:
     assert topics.truth("shoulder") == pytest.approx(here, abs=1e-9)
 
 
-def test_messages_that_are_none_are_counted_and_nothing_follows(topics: TopicArm) -> None:
+def test_malformed_messages_are_counted_and_ignored(topics: TopicArm) -> None:
     before = topics.device.health().counters["malformed"]
     wrong = [b"", b"\xff" * 300]
     wrong += [types().encode(JOINT_STATE, {"name": ["shoulder"], "position": [value]}) for value in (inf, 1e9)]
@@ -353,7 +353,7 @@ def test_messages_that_are_none_are_counted_and_nothing_follows(topics: TopicArm
     assert topics.at("shoulder", 0.0)
 
 
-def test_an_arm_whose_controller_nobody_runs_says_which_topic_that_is() -> None:
+def test_missing_trajectory_subscriber_is_reported_with_its_topic() -> None:
     rig = TopicArm()
     rig.robot._kind = lambda channel: "" if channel else JOINT_STATE  # type: ignore[method-assign]
     rig.device.open()
@@ -364,9 +364,7 @@ def test_an_arm_whose_controller_nobody_runs_says_which_topic_that_is() -> None:
 
 
 @pytest.mark.parametrize("grip", [0.0, -1.0])
-def test_a_joint_that_is_blocked_or_turns_the_wrong_way_is_given_up_and_told_to_stand(
-    topics: TopicArm, grip: float
-) -> None:
+def test_blocked_or_reversed_joint_is_refused_and_held(topics: TopicArm, grip: float) -> None:
     topics.robot.shafts["elbow_joint"].motion_factor = grip
     began = topics.clock.now()
     refused = []
@@ -405,9 +403,7 @@ def reverse(rig: ArmRig, *, ended: bool) -> None:
 
 
 @pytest.mark.parametrize("held", [False, True])
-def test_a_joint_that_runs_away_stops_the_arm_and_nobody_is_told_that_its_torque_is_off(
-    arm: ArmRig, held: bool
-) -> None:
+def test_runaway_joint_stops_the_arm_without_a_torque_report(arm: ArmRig, held: bool) -> None:
     reverse(arm, ended=False)
     with pytest.raises(DeviceFault):  # noqa: PT012 - sent at each tick, as leaves do
         for _ in range(60):

@@ -10,14 +10,14 @@ from drivers.ros2.make import Ros2Voice
 from tests.contract.rigs import InSimulatedTime
 from tests.contract.test_voice_contract import (  # noqa: F401 - what holds of words
     VoiceRig,
-    test_at_rest_it_is_silent_and_may_speak_again,
-    test_before_it_is_opened_it_says_so_and_nothing_else,
-    test_cancelled_it_is_done_at_once_and_the_next_has_its_turn,
-    test_it_says_what_is_heard_now_and_since_when,
-    test_nothing_is_said_at_once,
-    test_one_that_waits_may_be_cancelled_without_touching_the_other,
-    test_what_is_more_important_is_heard_at_once_and_the_other_again_afterwards,
-    test_what_was_broken_off_can_be_cancelled_while_it_waits,
+    test_cancelled_speech_ends_at_once_and_the_next_starts,
+    test_empty_speech_ends_at_once,
+    test_high_priority_speech_preempts_and_the_other_is_repeated,
+    test_preempted_speech_can_be_cancelled_in_the_queue,
+    test_queued_speech_can_be_cancelled_alone,
+    test_resting_voice_is_silent_and_can_speak_again,
+    test_speaking_returns_the_current_speech_with_its_start,
+    test_unopened_voice_is_offline_and_refuses_speech,
 )
 from tests.drivers.cranked import HandWire
 from tests.drivers.ros2.ear import VirtualEar
@@ -49,7 +49,7 @@ def voice(rig: TopicVoice) -> TopicVoice:
     return rig
 
 
-def test_what_is_said_is_sent_in_its_turn(voice: TopicVoice) -> None:
+def test_speech_is_published_in_order(voice: TopicVoice) -> None:
     first, second = voice.device.say("hello there"), voice.device.say("Grüße")
     assert voice.ear.said == ["hello there"]
     voice.until(first.done)
@@ -58,7 +58,7 @@ def test_what_is_said_is_sent_in_its_turn(voice: TopicVoice) -> None:
     assert voice.device.health().counters["said"] == 2
 
 
-def test_closed_it_is_silent_and_opened_again_it_speaks(voice: TopicVoice) -> None:
+def test_closed_voice_is_silent_and_speaks_again_once_opened(voice: TopicVoice) -> None:
     words, later = voice.device.say("much " * 300), voice.device.say("later")
     voice.device.close()
     assert words.done()
@@ -68,7 +68,7 @@ def test_closed_it_is_silent_and_opened_again_it_speaks(voice: TopicVoice) -> No
     assert voice.ear.said[1:] == ["yes"]
 
 
-def test_nobody_listening_is_said_and_so_is_a_line_that_has_gone(voice: TopicVoice) -> None:
+def test_missing_speech_subscriber_and_lost_link_are_reported(voice: TopicVoice) -> None:
     voice.wire.unplug()
     voice.until(lambda: not voice.device.health().online)
     with pytest.raises(NotConnected) as caught:

@@ -58,7 +58,7 @@ def screen(rig: ScreenRig) -> Screen:
     return rig.device
 
 
-def test_before_it_is_opened_it_says_so_and_keeps_what_it_is_told(rig: ScreenRig) -> None:
+def test_unopened_screen_is_offline_and_keeps_its_content(rig: ScreenRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail) == (False, "screen: not opened yet")
     rig.device.mood(Mood.HAPPY)
@@ -68,7 +68,7 @@ def test_before_it_is_opened_it_says_so_and_keeps_what_it_is_told(rig: ScreenRig
     assert rig.device.health().online
 
 
-def test_it_is_awake_once_opened_and_asleep_at_rest(screen: Screen) -> None:
+def test_screen_is_awake_once_opened_and_asleep_at_rest(screen: Screen) -> None:
     assert screen.content() == ScreenContent(Mood.NEUTRAL)
     screen.mood(Mood.SAD)
     screen.show("good night")
@@ -81,7 +81,7 @@ def test_it_is_awake_once_opened_and_asleep_at_rest(screen: Screen) -> None:
 
 
 @pytest.mark.parametrize("mood", Mood)
-def test_mood_and_words_stay_until_others_come(screen: Screen, mood: Mood) -> None:
+def test_mood_and_text_stay_until_replaced(screen: Screen, mood: Mood) -> None:
     screen.show("hello")
     screen.mood(mood)
     assert screen.content() == ScreenContent(mood, "hello")
@@ -89,7 +89,7 @@ def test_mood_and_words_stay_until_others_come(screen: Screen, mood: Mood) -> No
     assert screen.content() == ScreenContent(mood)
 
 
-def test_a_mouth_that_nobody_moves_shuts(rig: ScreenRig, screen: Screen) -> None:
+def test_mouth_closes_after_its_timeout(rig: ScreenRig, screen: Screen) -> None:
     screen.mouth(0.5)
     assert screen.content().mouth == 0.5
     rig.wait(0.4)
@@ -100,12 +100,12 @@ def test_a_mouth_that_nobody_moves_shuts(rig: ScreenRig, screen: Screen) -> None
 
 
 @pytest.mark.parametrize(("asked", "kept"), [(-1.0, 0.0), (1.5, 1.0), (inf, 1.0), (-inf, 0.0), (nan, 0.0)])
-def test_a_mouth_opens_no_farther_than_it_can(screen: Screen, asked: float, kept: float) -> None:
+def test_mouth_opening_is_clamped(screen: Screen, asked: float, kept: float) -> None:
     screen.mouth(asked)
     assert screen.content().mouth == kept
 
 
-def test_closed_it_is_asleep_and_opened_again_awake(screen: Screen) -> None:
+def test_closed_screen_is_asleep_and_awake_once_opened(screen: Screen) -> None:
     screen.show("hello")
     screen.close()
     screen.close()
@@ -117,7 +117,7 @@ def test_closed_it_is_asleep_and_opened_again_awake(screen: Screen) -> None:
     assert screen.health().online
 
 
-def test_it_may_be_told_from_many_threads(screen: Screen) -> None:
+def test_screen_is_thread_safe(screen: Screen) -> None:
     def tell(mood: Mood) -> None:
         for number in range(50):
             screen.mood(mood)

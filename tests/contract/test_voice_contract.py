@@ -89,7 +89,7 @@ def voice(rig: VoiceRig) -> VoiceRig:
     return rig
 
 
-def test_before_it_is_opened_it_says_so_and_nothing_else(rig: VoiceRig) -> None:
+def test_unopened_voice_is_offline_and_refuses_speech(rig: VoiceRig) -> None:
     health = rig.device.health()
     assert (health.online, health.detail != "") == (False, True)
     with pytest.raises(NotConnected, match="voice"):
@@ -98,7 +98,7 @@ def test_before_it_is_opened_it_says_so_and_nothing_else(rig: VoiceRig) -> None:
     rig.device.close()
 
 
-def test_what_is_said_takes_its_time_one_after_another(voice: VoiceRig) -> None:
+def test_speech_is_queued_and_takes_its_time(voice: VoiceRig) -> None:
     began = voice.clock.now()
     first, second = voice.device.say("hello there"), voice.device.say("you")
     assert not first.done()
@@ -115,11 +115,11 @@ def test_what_is_said_takes_its_time_one_after_another(voice: VoiceRig) -> None:
 
 
 @pytest.mark.parametrize("nothing", ["", "   "])
-def test_nothing_is_said_at_once(voice: VoiceRig, nothing: str) -> None:
+def test_empty_speech_ends_at_once(voice: VoiceRig, nothing: str) -> None:
     assert voice.device.say(nothing).done()
 
 
-def test_cancelled_it_is_done_at_once_and_the_next_has_its_turn(voice: VoiceRig) -> None:
+def test_cancelled_speech_ends_at_once_and_the_next_starts(voice: VoiceRig) -> None:
     first, second = voice.device.say("much " * 300), voice.device.say("yes")
     voice.wait(0.1)
     first.cancel()
@@ -130,7 +130,7 @@ def test_cancelled_it_is_done_at_once_and_the_next_has_its_turn(voice: VoiceRig)
     voice.until(second.done)
 
 
-def test_one_that_waits_may_be_cancelled_without_touching_the_other(voice: VoiceRig) -> None:
+def test_queued_speech_can_be_cancelled_alone(voice: VoiceRig) -> None:
     first, second = voice.device.say("hello"), voice.device.say("much " * 300)
     second.cancel()
     assert second.done()
@@ -138,7 +138,7 @@ def test_one_that_waits_may_be_cancelled_without_touching_the_other(voice: Voice
     voice.until(first.done)
 
 
-def test_at_rest_it_is_silent_and_may_speak_again(voice: VoiceRig) -> None:
+def test_resting_voice_is_silent_and_can_speak_again(voice: VoiceRig) -> None:
     said = [voice.device.say("much " * 300) for _ in range(3)]
     voice.device.rest()
     voice.device.rest()
@@ -146,7 +146,7 @@ def test_at_rest_it_is_silent_and_may_speak_again(voice: VoiceRig) -> None:
     voice.until(voice.device.say("yes").done)
 
 
-def test_closed_it_is_silent_and_opened_again_it_speaks(voice: VoiceRig) -> None:
+def test_closed_voice_is_silent_and_speaks_again_once_opened(voice: VoiceRig) -> None:
     words = voice.device.say("much " * 300)
     voice.device.close()
     voice.device.close()
@@ -158,7 +158,7 @@ def test_closed_it_is_silent_and_opened_again_it_speaks(voice: VoiceRig) -> None
     voice.until(voice.device.say("yes").done)
 
 
-def test_it_says_what_is_heard_now_and_since_when(voice: VoiceRig) -> None:
+def test_speaking_returns_the_current_speech_with_its_start(voice: VoiceRig) -> None:
     assert voice.device.speaking() is None
     first, second = voice.device.say("hello there"), voice.device.say("you")
     began = voice.clock.now()
@@ -171,7 +171,7 @@ def test_it_says_what_is_heard_now_and_since_when(voice: VoiceRig) -> None:
     voice.until(lambda: second.done() and voice.device.speaking() is None)
 
 
-def test_what_is_more_important_is_heard_at_once_and_the_other_again_afterwards(voice: VoiceRig) -> None:
+def test_high_priority_speech_preempts_and_the_other_is_repeated(voice: VoiceRig) -> None:
     low, usual = voice.device.say("one two", priority=Priority.LOW), voice.device.say("three four")
     voice.until(lambda: voice.device.speaking() is usual)
     assert low.started is None
@@ -188,7 +188,7 @@ def test_what_is_more_important_is_heard_at_once_and_the_other_again_afterwards(
     voice.until(lambda: voice.changes == 3)
 
 
-def test_what_was_broken_off_can_be_cancelled_while_it_waits(voice: VoiceRig) -> None:
+def test_preempted_speech_can_be_cancelled_in_the_queue(voice: VoiceRig) -> None:
     usual = voice.device.say("much " * 300)
     voice.until(lambda: voice.device.speaking() is usual)
     high = voice.device.say("stop", priority=Priority.HIGH)
@@ -211,7 +211,7 @@ def bell(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_sound_is_played_in_its_turn_and_takes_its_time(voice: VoiceRig, bell: Path) -> None:
+def test_sound_is_played_in_queue_order_for_its_duration(voice: VoiceRig, bell: Path) -> None:
     first, second, third = voice.device.say("you"), voice.device.play(bell), voice.device.say("you")
     voice.until(lambda: voice.device.speaking() is second)
     assert first.done()
@@ -223,7 +223,7 @@ def test_a_sound_is_played_in_its_turn_and_takes_its_time(voice: VoiceRig, bell:
     voice.until(third.done)
 
 
-def test_a_sound_that_is_cancelled_is_silent(voice: VoiceRig, bell: Path) -> None:
+def test_cancelled_sound_is_silent(voice: VoiceRig, bell: Path) -> None:
     sound = voice.device.play(bell)
     voice.until(lambda: voice.device.speaking() is sound)
     sound.cancel()
@@ -231,7 +231,7 @@ def test_a_sound_that_is_cancelled_is_silent(voice: VoiceRig, bell: Path) -> Non
     voice.until(lambda: voice.device.speaking() is None)
 
 
-def test_what_is_no_sound_is_refused(voice: VoiceRig, tmp_path: Path) -> None:
+def test_invalid_sound_file_is_refused(voice: VoiceRig, tmp_path: Path) -> None:
     with pytest.raises(BadRequest, match="no such file") as raised:
         voice.device.play(tmp_path / "none.wav")
     assert raised.value.hint

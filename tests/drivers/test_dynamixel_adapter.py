@@ -187,7 +187,7 @@ def test_line_that_accepts_no_bytes_is_lost(bare: tuple[int, str]) -> None:
         line.close()
 
 
-def test_a_rate_that_the_port_cannot_take_is_told(bare: tuple[int, str]) -> None:
+def test_unsupported_baud_rate_of_the_port_is_reported(bare: tuple[int, str]) -> None:
     _, path = bare
     bus = ServoBus(path, SystemClock(), name="arm")
     bus.open()
@@ -196,7 +196,7 @@ def test_a_rate_that_the_port_cannot_take_is_told(bare: tuple[int, str]) -> None
     assert not bus.is_open
 
 
-def test_an_adapter_that_holds_bytes_back_is_noticed(bare: tuple[int, str], tmp_path: Path) -> None:
+def test_adapter_with_a_high_latency_timer_is_detected(bare: tuple[int, str], tmp_path: Path) -> None:
     _, path = bare
     with serial.Serial(path, 1_000_000) as line:
         assert reduce_latency(line, adapters=tmp_path) == 0

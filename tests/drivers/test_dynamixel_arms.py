@@ -114,7 +114,7 @@ def test_slow_registers_are_read_about_once_a_second(make: Make) -> None:
     assert all(4 <= count <= 6 for count in slow.values())
 
 
-def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make: Make) -> None:
+def test_missing_servo_in_a_group_does_not_slow_down_the_others(make: Make) -> None:
     specs = {name: spec(servo, "XM430-W350") for servo, name in enumerate("abcd", 1)}
     arm = make(specs, servos=chain(4, "XM430-W350")).start()
     arm.chain.servo(2).present = False
@@ -128,7 +128,7 @@ def test_a_servo_that_drops_out_of_a_group_leaves_the_others_at_their_rate(make:
     arm.until(lambda: arm.joints.states()["b"].good)
 
 
-def test_one_reply_that_is_missed_costs_a_reading_and_no_word(make: Make) -> None:
+def test_single_missed_reply_costs_one_reading_without_a_notice(make: Make) -> None:
     arm = mixed(make).start()
     missed: list[bytes] = []
 
@@ -146,9 +146,7 @@ def test_one_reply_that_is_missed_costs_a_reading_and_no_word(make: Make) -> Non
     assert arm.joints.health().counters["misses of finger"] == 1
 
 
-def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
-    make: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_firmware_without_bulk_read_falls_back_to_single_reads(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sync_read, "GROUP_READ_TIMEOUT", 0.3)
     specs = {"a": spec(1, "MX-28"), "b": spec(2, "MX-28")}
     arm: Arm = make(specs, servos=chain(2, "MX-28"))
@@ -169,7 +167,7 @@ def test_firmware_that_knows_no_bulk_read_is_read_one_by_one_before_long(
     assert [notice.kind for notice in arm.notices] == ["online"]
 
 
-def test_a_bulk_read_that_gets_lost_now_and_then_is_not_given_up(make: Make) -> None:
+def test_occasionally_lost_bulk_reads_are_not_given_up(make: Make) -> None:
     specs = {"a": spec(1, "MX-28"), "b": spec(2, "MX-28")}
     arm: Arm = make(specs, servos=chain(2, "MX-28")).start()
 
@@ -189,7 +187,7 @@ def test_a_bulk_read_that_gets_lost_now_and_then_is_not_given_up(make: Make) -> 
 # --- servos that are not what they should be --------------------------------------------------------------------------
 
 
-def test_all_that_differs_of_a_servo_is_told_in_one_message(make: Make) -> None:
+def test_all_mismatches_of_a_servo_are_in_one_message(make: Make) -> None:
     servos = mixed_chain("XM430-W350", "MX-106", "EX-106+")
     first, second, third = servos.servos
     first.set("operating_mode", 4)
@@ -231,7 +229,7 @@ def test_the_same_servo_with_the_firmware_of_the_other_protocol_is_recognised(ma
     assert not arm.joints.health().online
 
 
-def test_an_id_that_takes_the_other_protocol_for_its_own_is_refused() -> None:
+def test_id_reserved_by_the_other_protocol_is_refused() -> None:
     bus = ServoBus("nowhere", SystemClock())
     with pytest.raises(BadRequest, match=r"a: servo 253 takes packets of protocol 2\.0 for its own"):
         DynamixelJoints(bus, {"a": spec(253), "b": spec(2, "XL430-W250")}, SystemClock())
@@ -240,7 +238,7 @@ def test_an_id_that_takes_the_other_protocol_for_its_own_is_refused() -> None:
     assert list(DynamixelJoints(bus, {"a": spec(253)}, SystemClock()).limits) == ["a"]
 
 
-def test_a_wire_that_is_too_slow_for_the_rate_is_told_once_with_the_cure(make: Make) -> None:
+def test_too_slow_wire_is_reported_once_with_a_hint(make: Make) -> None:
     specs = {f"joint_{servo}": spec(servo) for servo in range(1, 23)}
     arm = make(specs, servos=chain(22)).start()
     arm.until(lambda: arm.told("fault"))
@@ -249,7 +247,7 @@ def test_a_wire_that_is_too_slow_for_the_rate_is_told_once_with_the_cure(make: M
     assert "mission servo set all return_delay 0 --robot FILE" in fault.hint
 
 
-def test_a_baud_rate_that_is_too_low_is_told_as_such(make: Make) -> None:
+def test_too_low_baud_rate_is_reported(make: Make) -> None:
     servos = VirtualServoBus([VirtualServo(number) for number in range(1, 7)], 57_600)
     for servo in servos.servos:
         servo.set("return_delay", 0)
@@ -261,12 +259,12 @@ def test_a_baud_rate_that_is_too_low_is_told_as_such(make: Make) -> None:
 
 
 @pytest.mark.parametrize("rate", [0.0, -1.0, nan, inf])
-def test_a_rate_that_makes_no_sense_is_refused(rate: float) -> None:
+def test_invalid_poll_rate_is_refused(rate: float) -> None:
     with pytest.raises(BadRequest, match="poll rate must be above 0"):
         DynamixelJoints(ServoBus("nowhere", SystemClock()), {"a": spec(1)}, SystemClock(), rate=rate)
 
 
-def test_health_tells_how_often_the_arm_is_read_and_how_full_its_wire_is(make: Make) -> None:
+def test_health_counters_include_rate_and_utilisation(make: Make) -> None:
     arm = make(servos=chain(3, paced=True), rate=50.0).start()
     arm.until(lambda: arm.joints.health().counters["achieved rate (Hz)"])
     counters = arm.joints.health().counters
@@ -281,7 +279,7 @@ def test_health_tells_how_often_the_arm_is_read_and_how_full_its_wire_is(make: M
 # --- what goes wrong on the way ---------------------------------------------------------------------------------------
 
 
-def test_a_servo_of_protocol_2_that_shut_down_is_told_at_once_and_recovers_by_starting_again(make: Make) -> None:
+def test_shut_down_protocol_2_servo_is_reported_and_recovers_by_reboot(make: Make) -> None:
     arm = mixed(make).start()
     arm.joints.move({"elbow": 0.5})
     arm.until(lambda: there(arm, "elbow", 0.5))
@@ -307,7 +305,7 @@ def test_a_servo_of_protocol_2_that_shut_down_is_told_at_once_and_recovers_by_st
     assert arm.joints.health().detail == ""
 
 
-def test_a_hot_servo_of_protocol_2_is_told_once(make: Make) -> None:
+def test_hot_protocol_2_servo_is_reported_once(make: Make) -> None:
     arm = mixed(make).start()
     arm.chain.servo(4).set("shutdown", 0)
     arm.chain.servo(4).temperature = 90.0
@@ -319,7 +317,7 @@ def test_a_hot_servo_of_protocol_2_is_told_once(make: Make) -> None:
 
 
 @pytest.mark.parametrize("servo", [1, 3, 5])
-def test_a_brown_out_ends_with_every_joint_as_it_is_meant_to_be(make: Make, servo: int) -> None:
+def test_brown_out_ends_with_every_joint_restored(make: Make, servo: int) -> None:
     arm = mixed(make).start()
     name = list(MIXED)[servo - 1]
     arm.joints.move({name: 0.4})
@@ -335,7 +333,7 @@ def test_a_brown_out_ends_with_every_joint_as_it_is_meant_to_be(make: Make, serv
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "XL430-W250"])
-def test_a_dip_that_nobody_saw_gives_a_limp_servo_its_torque_limit_back(make: Make, model: str) -> None:
+def test_limp_servo_gets_its_torque_limit_back_after_a_power_dip(make: Make, model: str) -> None:
     arm = make({"elbow": spec(1, model, torque_limit=0.3)}, servos=chain(1, model)).start()
     servo = arm.chain.servo(1)
     limit = servo.model.table.torque_limit
@@ -348,7 +346,7 @@ def test_a_dip_that_nobody_saw_gives_a_limp_servo_its_torque_limit_back(make: Ma
     assert servo.limp
 
 
-def test_a_bus_watchdog_that_somebody_left_on_is_switched_off(make: Make) -> None:
+def test_active_bus_watchdog_is_switched_off(make: Make) -> None:
     servos = chain(1, "XM430-W350")
     servos.servo(1).set("bus_watchdog", -1)  # it has fired: goals are locked
     arm = make({"elbow": spec(1, "XM430-W350")}, servos=servos).start()
@@ -356,7 +354,7 @@ def test_a_bus_watchdog_that_somebody_left_on_is_switched_off(make: Make) -> Non
     arm.until(lambda: there(arm, "elbow", 0.2))
 
 
-def test_limits_that_are_set_in_the_servo_are_kept(make: Make) -> None:
+def test_limits_stored_in_the_servo_are_kept(make: Make) -> None:
     servos = chain(1, "XM430-W350")
     servo = servos.servo(1)
     servo.set("velocity_limit", 50)
@@ -368,7 +366,7 @@ def test_limits_that_are_set_in_the_servo_are_kept(make: Make) -> None:
     assert (servo.get("profile_velocity"), servo.get("goal_pwm")) == (50, 400)
 
 
-def test_servos_of_both_protocols_that_could_not_be_relaxed_are_named(make: Make) -> None:
+def test_servos_of_both_protocols_not_relaxed_are_named(make: Make) -> None:
     arm = mixed(make, at_rest="relax").start()
     arm.joints.move(dict.fromkeys(MIXED, 0.2))
     arm.until(lambda: all(there(arm, name, 0.2) for name in MIXED))
@@ -382,7 +380,7 @@ def test_servos_of_both_protocols_that_could_not_be_relaxed_are_named(make: Make
 # --- following --------------------------------------------------------------------------------------------------------
 
 
-def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make) -> None:
+def test_follower_goal_is_sent_in_the_round_of_the_leader_reading(make: Make) -> None:
     arm = make(rate=50.0).start()
     arm.joints.follow([Coupling("elbow", "wrist")])
     arm.until(lambda: not arm.limp(3))
@@ -402,7 +400,7 @@ def test_a_followers_goal_goes_out_in_the_round_that_read_its_leader(make: Make)
     assert arm.limp(2)
 
 
-def test_a_leader_that_falls_silent_leaves_its_follower_where_it_is_and_that_is_told_once(make: Make) -> None:
+def test_silent_leader_holds_its_follower_with_one_notice(make: Make) -> None:
     arm = mixed(make, away=ReconnectPolicy(decide_after=30.0, latch_after=60.0)).start()
     arm.joints.follow([Coupling("elbow", "finger", scale=-1.0), Coupling("elbow", "knee")])
     arm.chain.servo(3).turn_by_hand(0.5)
@@ -420,7 +418,7 @@ def test_a_leader_that_falls_silent_leaves_its_follower_where_it_is_and_that_is_
     arm.until(lambda: there(arm, "finger", -0.2) and there(arm, "knee", 0.2))
 
 
-def test_a_follower_that_shuts_down_is_left_out_and_the_others_go_on(make: Make) -> None:
+def test_shut_down_follower_is_left_out_and_the_others_follow(make: Make) -> None:
     arm = make().start()
     arm.joints.follow([Coupling("elbow", "wrist"), Coupling("elbow", "shoulder")])
     arm.until(lambda: not arm.limp(3) and not arm.limp(1))

@@ -39,9 +39,7 @@ def period(
 
 
 @pytest.mark.parametrize(("torque", "asked"), [(True, OBSERVED_INTERVAL), (False, TORQUE_OFF_INTERVAL)])
-def test_a_joint_at_rest_is_read_more_often_while_somebody_keeps_asking_above_all_a_limp_one(
-    torque: bool, asked: float
-) -> None:
+def test_observed_resting_joint_is_read_more_often(torque: bool, asked: float) -> None:
     attention, resting = PollSchedule(100.0), joint(torque=torque)
     assert not attention.note_request(5.0)
     assert period(resting, attention) == pytest.approx(RESTING_INTERVAL)
@@ -52,7 +50,7 @@ def test_a_joint_at_rest_is_read_more_often_while_somebody_keeps_asking_above_al
     assert not attention.note_request(5.11 + 2 * OBSERVER_TIMEOUT)
 
 
-def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does_none_as_old() -> None:
+def test_resting_reading_is_fresh_for_occasional_observers_only() -> None:
     arm = Quiet("AX-12A")
     arm.run(1.0)
     seen = arm.joints.states()["a"].stamp
@@ -80,13 +78,11 @@ def test_who_does_not_keep_asking_takes_a_reading_at_rest_for_fresh_and_who_does
     ],
     ids=["it says that it moves", "turned by hand", "part of its way was sent", "sent since it was read"],
 )
-def test_a_joint_on_its_way_is_read_often_and_one_that_is_turned_by_hand_still_more(
-    found: Joint, seconds: float
-) -> None:
+def test_moving_joint_is_read_often_and_hand_turned_joint_most(found: Joint, seconds: float) -> None:
     assert period(found) == pytest.approx(seconds)
 
 
-def test_a_joint_that_leads_or_follows_or_has_missed_a_reading_is_read_at_the_rate_of_the_arm() -> None:
+def test_coupled_or_missed_joint_is_read_at_the_arm_rate() -> None:
     assert period(joint(), coupled={"a"}) == pytest.approx(0.01)
     assert period(joint(missed_reads=1)) == pytest.approx(0.01)
 
@@ -97,13 +93,13 @@ def test_no_joint_is_read_more_often_than_the_rate_nor_more_seldom_than_an_absen
     assert period(joint(), PollSchedule(100.0, max_interval=0.03)) == pytest.approx(0.03)
 
 
-def test_joints_that_are_nearly_due_are_read_along_with_one_that_is() -> None:
+def test_nearly_due_joints_are_read_together() -> None:
     attention, a, b, c = PollSchedule(100.0), joint("a", 5.0), joint("b", 5.04), joint("c", 5.12)
     assert attention.due_joints([a, b, c], (), 5.19) == []
     assert attention.due_joints([a, b, c], (), 5.2) == [a, b]
 
 
-def test_a_joint_whose_reading_took_a_while_is_due_in_the_nearest_round_all_the_same() -> None:
+def test_joint_with_a_slow_reading_is_due_in_the_nearest_round() -> None:
     attention = PollSchedule(100.0)
     moving = joint("a", 5.004, replace(STILL, moving=True))
     assert attention.due_joints([moving], (), 5.01) == []
@@ -112,7 +108,7 @@ def test_a_joint_whose_reading_took_a_while_is_due_in_the_nearest_round_all_the_
     assert attention.due_joints([leading], {"b"}, 5.01) == [leading]
 
 
-def test_who_is_left_alone_for_a_while_or_not_driven_is_not_read() -> None:
+def test_postponed_or_undriven_joint_is_not_read() -> None:
     attention, silent, other = (
         PollSchedule(100.0),
         joint("a", next_read_at=6.0),
@@ -122,7 +118,7 @@ def test_who_is_left_alone_for_a_while_or_not_driven_is_not_read() -> None:
     assert attention.due_joints([silent, other], (), 6.0) == [silent]
 
 
-def test_an_arm_at_rest_is_read_seldom_and_a_joint_that_sets_out_is_read_often_at_once() -> None:
+def test_resting_arm_is_read_rarely_and_a_starting_joint_often() -> None:
     arm = Quiet("AX-12A", "AX-12A")
     arm.run(0.5)
     before = arm.tries()
@@ -138,7 +134,7 @@ def test_an_arm_at_rest_is_read_seldom_and_a_joint_that_sets_out_is_read_often_a
     assert resting <= 0.6 / RESTING_INTERVAL + 4
 
 
-def test_a_leader_is_read_at_the_rate_of_the_arm_though_it_rests() -> None:
+def test_resting_leader_is_read_at_the_arm_rate() -> None:
     arm = Quiet("AX-12A", "AX-12A")
     arm.joints.hold()
     arm.joints.follow([Coupling("b", "a")])

@@ -74,7 +74,7 @@ class AlwaysLate(FaultInjection):
         return late(reply)
 
 
-def test_a_late_reply_is_never_taken_for_that_of_another_register() -> None:
+def test_late_reply_is_never_taken_for_another_register() -> None:
     servos = chain(1, paced=True, injection=AlwaysLate())
     bus, _, _ = direct_bus(servos)
     heard = [(register.name, bus.read(ONE, register)) for _ in range(100) for register in (POSITION, LOAD)]
@@ -84,7 +84,7 @@ def test_a_late_reply_is_never_taken_for_that_of_another_register() -> None:
     assert bus.statistics(1).late > 0
 
 
-def test_a_read_after_a_miss_is_widened_to_a_size_that_no_reply_that_is_owed_can_have() -> None:
+def test_read_after_a_miss_is_widened_to_an_unambiguous_size() -> None:
     script = Script([], soon(status(1, 0, bytes((9, 9, 9, 0x2C, 0x01)))))
     with pytest.raises(NoReply):
         script.bus.read_block(ONE, 36, 2, tries=1)
@@ -105,7 +105,7 @@ def test_the_tries_of_one_read_are_the_same_question() -> None:
     assert script.sent[0] == script.sent[1]
 
 
-def test_a_late_reply_that_comes_alone_is_counted_and_no_longer_in_the_way() -> None:
+def test_late_reply_alone_is_counted_and_discarded() -> None:
     script = Script(late(status(1, 0, b"\x07\x00")), soon(status(2)), soon(status(1, 0, b"\x08\x00")))
     with pytest.raises(NoReply):
         script.bus.read_block(ONE, 36, 2, tries=1)
@@ -116,7 +116,7 @@ def test_a_late_reply_that_comes_alone_is_counted_and_no_longer_in_the_way() -> 
     assert script.sent[2][5:7] == bytes((40, 2))
 
 
-def test_another_write_waits_until_the_overdue_acknowledgement_has_come() -> None:
+def test_second_write_waits_for_the_overdue_acknowledgement() -> None:
     script = Script(late(status(1)), [])
     with pytest.raises(NoReply):
         script.bus.write(ONE, SPEED, 1)
@@ -126,7 +126,7 @@ def test_another_write_waits_until_the_overdue_acknowledgement_has_come() -> Non
 
 
 @pytest.mark.parametrize(("servo", "value", "wait"), [(1, 2, MAX_REPLY_LATENESS), (1, 1, 0.0), (2, 2, 0.0)])
-def test_neither_the_same_write_nor_another_servo_waits_for_it(servo: int, value: int, wait: float) -> None:
+def test_equal_write_and_other_servos_do_not_wait(servo: int, value: int, wait: float) -> None:
     script = Script([], soon(status(servo)))
     with pytest.raises(NoReply):
         script.bus.write(ONE, SPEED, 1)
@@ -250,7 +250,7 @@ def test_servos_of_protocol_1_are_found_one_by_one() -> None:
     assert [identity.number for identity in bus.find_servos(protocol=2, ids=range(5))] == [1060]
 
 
-def test_a_sync_write_is_split_where_a_servo_has_no_room_for_it() -> None:
+def test_sync_write_is_split_at_the_packet_limit() -> None:
     script = Script()
     script.bus.sync_write_block(1, 30, {servo: bytes(4) for servo in range(60)})
     assert [len(packet) for packet in script.sent] == [8 + 27 * 5, 8 + 27 * 5, 8 + 6 * 5]
@@ -265,14 +265,14 @@ def test_a_sync_write_is_split_where_a_servo_has_no_room_for_it() -> None:
 # --- how long it waits ------------------------------------------------------------------------------------------------
 
 
-def test_a_missing_servo_costs_less_than_6_ms_and_no_less_than_its_reply_can_take() -> None:
+def test_missing_servo_costs_less_than_6_ms() -> None:
     bus, _, clock = direct_bus(chain(3, paced=True))
     with pytest.raises(NoReply):
         bus.read_block(ServoAddress(9), 36, 11, tries=1)
     assert 25 * 10e-6 + 254 * 2e-6 < clock.now() < 0.006
 
 
-def test_a_servo_that_waits_as_long_as_it_may_is_heard_at_any_rate() -> None:
+def test_maximum_return_delay_is_tolerated_at_any_baud_rate() -> None:
     servos = chain(1, paced=True)
     servos.servo(1).set("return_delay", 254)
     bus, _, clock = direct_bus(servos, patience=0.0001)
@@ -286,7 +286,7 @@ def test_a_servo_that_waits_as_long_as_it_may_is_heard_at_any_rate() -> None:
     assert bus.statistics(1).misses == 0
 
 
-def test_a_slow_adapter_is_given_its_time() -> None:
+def test_latency_of_a_slow_adapter_is_added_to_the_timeout() -> None:
     bus, _, clock = direct_bus(chain(1), latency=0.016)
     assert bus.latency == 0.016
     with pytest.raises(NoReply):
@@ -294,7 +294,7 @@ def test_a_slow_adapter_is_given_its_time() -> None:
     assert 0.016 < clock.now() < 0.022
 
 
-def test_it_says_for_how_long_the_wire_was_in_use() -> None:
+def test_busy_time_measures_the_use_of_the_wire() -> None:
     bus, _, clock = direct_bus(chain(2, paced=True))
     for servo in (1, 2):
         bus.read_block(ServoAddress(servo), 36, 11)
@@ -326,7 +326,7 @@ def test_of_many_the_missing_ones_are_missing_and_never_zero(model: str) -> None
     assert bus.statistics(10).misses == 1
 
 
-def test_of_many_one_damaged_reply_spoils_only_itself() -> None:
+def test_damaged_reply_spoils_only_itself_in_a_group() -> None:
     damaged = status(2, 0, b"\x03\x04")[:-1] + b"\x00"
     script = Script(soon(status(1, 0, b"\x01\x02") + damaged + status(3, 0, b"\x05\x06")))
     found = script.bus.read_many(
@@ -336,7 +336,7 @@ def test_of_many_one_damaged_reply_spoils_only_itself() -> None:
     assert script.bus.statistics(2).corrupt == 1
 
 
-def test_who_owes_a_reply_of_that_size_is_left_to_be_read_alone() -> None:
+def test_servo_owing_an_equal_reply_is_left_out_of_the_group() -> None:
     script = Script([], soon(status(2, 0, b"\x07\x00")))
     with pytest.raises(NoReply):
         script.bus.read_block(ONE, 40, 2, tries=1)
@@ -352,7 +352,7 @@ def test_who_owes_a_reply_of_that_size_is_left_to_be_read_alone() -> None:
     assert len(script.sent) == 3
 
 
-def test_what_cannot_be_asked_of_many_is_refused() -> None:
+def test_invalid_group_read_is_refused() -> None:
     bus, line, _ = direct_bus(chain(2))
     with pytest.raises(BadRequest, match=r"protocol 1\.0 has no sync read"):
         bus.read_many({ONE: RegisterBlock(36, 2)}, mode="sync")
@@ -409,20 +409,20 @@ def test_an_unsound_reply_is_never_taken_for_a_number(reply: bytes, corrupt: int
     assert (tally.tries, tally.corrupt, tally.misses) == (2, corrupt, 1 - corrupt)
 
 
-def test_a_damaged_reply_is_asked_for_again_at_once() -> None:
+def test_damaged_reply_is_retried_at_once() -> None:
     script = Script(soon(SOUND[:-1] + b"\x00"), soon(SOUND))
     assert script.bus.read(ONE, POSITION) == 512
     assert script.clock.now() < 0.001
 
 
-def test_replies_that_stay_damaged_name_the_likely_cause() -> None:
+def test_persistently_damaged_replies_give_the_likely_cause() -> None:
     script = Script(*[soon(SOUND[:-1] + b"\x00")] * MAX_READ_ATTEMPTS)
     with pytest.raises(NoReply, match=r"3 of 3 replies .* damaged") as caught:
         script.bus.read(ONE, POSITION)
     assert "two with ID 1" in caught.value.hint
 
 
-def test_a_silent_servo_says_what_to_try() -> None:
+def test_silent_servo_gives_a_hint() -> None:
     bus, _, _ = direct_bus(chain(3))
     with pytest.raises(NoReply, match=r"arm: servo 9: no reply to a read of 2 bytes at 36 on .* at 1000000") as caught:
         bus.read(ServoAddress(9), POSITION)
@@ -433,7 +433,7 @@ def test_a_silent_servo_says_what_to_try() -> None:
     assert bus.read(ONE, POSITION) == 512
 
 
-def test_an_adapter_that_echoes_is_no_obstacle() -> None:
+def test_echoing_adapter_is_supported() -> None:
     servos = mixed_chain("AX-12A", "XL430-W250")
     servos.injection = FaultInjection(echo=1.0)
     bus, _, _ = direct_bus(servos)
@@ -451,7 +451,7 @@ def test_an_adapter_that_echoes_is_no_obstacle() -> None:
 # --- what servos say --------------------------------------------------------------------------------------------------
 
 
-def test_it_reads_writes_and_writes_to_many_in_both_protocols() -> None:
+def test_bus_reads_and_writes_in_both_protocols() -> None:
     bus, _, _ = direct_bus(mixed_chain("AX-12A", "XL430-W250", "RX-64", "XL430-W250"))
     bus.write(ONE, AX["goal_position"], 600)
     assert bus.read(ONE, AX["goal_position"]) == 600
@@ -473,7 +473,7 @@ def test_a_write_without_a_reply_is_not_repeated() -> None:
     assert servos.servo(1).get("led") == 1  # it was carried out: only the reply was lost
 
 
-def test_what_a_servo_refuses_is_a_bad_request_in_words() -> None:
+def test_refused_request_is_a_bad_request() -> None:
     bus, _, _ = direct_bus(mixed_chain("AX-12A", "XL430-W250"))
     with pytest.raises(BadRequest, match="servo 1 refused a write of 05 at 24: range"):
         bus.write_block(ONE, 24, b"\x05")
@@ -486,7 +486,7 @@ def test_what_a_servo_refuses_is_a_bad_request_in_words() -> None:
     assert (bus.statistics(1).refused, bus.statistics(2).refused) == (2, 1)
 
 
-def test_what_no_servo_could_take_is_not_even_sent() -> None:
+def test_invalid_value_is_refused_before_sending() -> None:
     bus, line, _ = direct_bus(chain(1))
     with pytest.raises(BadRequest, match=r"torque_limit takes 0\.\.1023, not 1024"):
         bus.write(ONE, AX["torque_limit"], 1024)
@@ -517,7 +517,7 @@ def test_lasting_faults_do_not_spoil_a_reading() -> None:
     assert bus.faults(2) == ServoFault(0)
 
 
-def test_an_alert_of_protocol_2_is_told_beside_the_reading() -> None:
+def test_protocol_2_alert_is_reported_with_the_reading() -> None:
     script = Script(soon(status2(1, ALERT, b"\x07")), soon(status2(1, ALERT | Protocol2Error.RANGE)))
     assert script.bus.read(ONE2, XL["led"]) == 7
     assert script.bus.faults(1) == ServoFault.ALERT
@@ -529,7 +529,7 @@ def test_an_alert_of_protocol_2_is_told_beside_the_reading() -> None:
 # --- the line ---------------------------------------------------------------------------------------------------------
 
 
-def test_another_rate_reaches_other_servos() -> None:
+def test_changed_baud_rate_reaches_other_servos() -> None:
     servos = mixed_chain("AX-12A", "AX-12A", baud=57_600)
     bus, _, _ = direct_bus(servos)
     assert bus.baud == 1_000_000
@@ -539,7 +539,7 @@ def test_another_rate_reaches_other_servos() -> None:
     assert bus.ping(ONE) == 12
 
 
-def test_a_line_that_is_gone_is_let_go_and_taken_again() -> None:
+def test_lost_line_is_closed_and_can_be_reopened() -> None:
     bus, line, _ = direct_bus(chain(1))
     line.plugged = False
     with pytest.raises(NotConnected):
@@ -558,7 +558,7 @@ def test_a_line_that_is_gone_is_let_go_and_taken_again() -> None:
     assert bus.ping(ONE) == 12
 
 
-def test_what_is_owed_from_before_is_forgotten_with_the_line() -> None:
+def test_overdue_replies_are_forgotten_on_reopen() -> None:
     servos = chain(1)
     bus, line, _ = direct_bus(servos)
     servos.servo(1).present = False

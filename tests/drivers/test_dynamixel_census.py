@@ -66,7 +66,7 @@ def test_servos_are_found_at_every_rate_and_in_both_protocols() -> None:
     ]
 
 
-def test_only_what_is_asked_for_is_looked_for() -> None:
+def test_scan_covers_only_the_given_ids_rates_and_protocols() -> None:
     line = wired(VirtualServo(1), VirtualServo(2), VirtualServo(3, model="XL430-W250"))
     bus = line.bus()
     assert [row.address for row in scan_bus(bus, [1_000_000], (1,), ids=[2, 3])] == [ServoAddress(2, 1)]
@@ -86,7 +86,7 @@ def test_in_protocol_2_all_are_called_at_once_first() -> None:
     assert line.sent[0] == wire2.request(BROADCAST, Protocol1Instruction.PING)
 
 
-def test_a_servo_that_missed_the_call_to_all_is_asked_by_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_servo_missed_by_the_broadcast_is_pinged_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     line = wired(VirtualServo(1, model="XL430-W250"), VirtualServo(2, model="XL430-W250"))
     bus = line.bus()
     monkeypatch.setattr(bus, "find_servos", lambda **_: iter(()))
@@ -94,7 +94,7 @@ def test_a_servo_that_missed_the_call_to_all_is_asked_by_itself(monkeypatch: pyt
 
 
 @pytest.mark.parametrize("name", ["AX-12A", "XM430-W210"])
-def test_what_ails_a_servo_is_told(name: str) -> None:
+def test_faults_of_a_servo_are_in_the_scan(name: str) -> None:
     servo = VirtualServo(1, model=name)
     servo.temperature = 95.0
     servo.overload()
@@ -104,7 +104,7 @@ def test_what_ails_a_servo_is_told(name: str) -> None:
     assert found.temperature == 95.0
 
 
-def test_a_model_that_we_do_not_know_is_shown_by_its_number() -> None:
+def test_unknown_model_is_listed_by_its_number() -> None:
     servo = VirtualServo(4)
     servo.set("model_number", 361)
     found = one(list(scan_bus(wired(servo).bus(), [1_000_000], ids=FEW)))
@@ -112,7 +112,7 @@ def test_a_model_that_we_do_not_know_is_shown_by_its_number() -> None:
     assert not found.has_damaged_replies
 
 
-def test_two_servos_that_share_an_id_are_noticed_by_their_readings() -> None:
+def test_duplicate_ids_are_detected_by_damaged_readings() -> None:
     pair = VirtualServo(3, angle=radians(40)), VirtualServo(3, angle=radians(-70))
     found = one(list(scan_bus(wired(*pair).bus(), [1_000_000], ids=FEW)))
     assert (found.address.id, found.number) == (3, 12)
@@ -120,13 +120,13 @@ def test_two_servos_that_share_an_id_are_noticed_by_their_readings() -> None:
     assert found.position is None
 
 
-def test_two_models_that_share_an_id_are_noticed_even_without_a_number() -> None:
+def test_duplicate_ids_of_different_models_are_detected() -> None:
     pair = VirtualServo(3), VirtualServo(3, model="AX-18A")
     found = one(list(scan_bus(wired(*pair).bus(), [1_000_000], ids=FEW)))
     assert (found.address, found.number, found.has_damaged_replies) == (ServoAddress(3, 1), None, True)
 
 
-def test_a_servo_whose_reply_is_damaged_is_asked_again() -> None:
+def test_servo_with_a_damaged_reply_is_asked_again() -> None:
     servos = [VirtualServo(number) for number in range(1, 7)]
     line = wired(*servos, injection=FaultInjection(seed=6, flip=0.2))
     found = list(scan_bus(line.bus(), [1_000_000], (1,), ids=FEW))
@@ -147,14 +147,14 @@ def test_nothing_is_written_to_anyone() -> None:
     assert all(servo.limp for servo in line.chain.servos)
 
 
-def test_the_bus_has_its_own_rate_again_in_the_end() -> None:
+def test_baud_rate_is_restored_after_a_scan() -> None:
     line = wired(VirtualServo(1))
     bus = line.bus()
     assert len(list(scan_bus(bus, [9600, 1_000_000, 57_600], ids=FEW))) == 1
     assert bus.baud == line.rates[-1] == 1_000_000
 
 
-def test_who_stops_half_way_leaves_the_rate_as_it_was() -> None:
+def test_baud_rate_is_restored_after_an_abandoned_scan() -> None:
     line = wired(VirtualServo(1))
     at_rate(line.chain, 1, 57_600)
     bus = line.bus()
@@ -163,7 +163,7 @@ def test_who_stops_half_way_leaves_the_rate_as_it_was() -> None:
     assert bus.baud == line.rates[-1] == 1_000_000
 
 
-def test_a_rate_that_the_adapter_cannot_run_at_leaves_the_bus_with_its_own() -> None:
+def test_unsupported_scan_rate_restores_the_baud_rate() -> None:
     line = wired(VirtualServo(1))
     line.beyond = {4_500_000}
     bus = line.bus()
@@ -191,7 +191,7 @@ def test_a_missing_id_costs_only_milliseconds() -> None:
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "XL430-W250"])
-def test_a_servo_that_answers_pings_alone_is_found_among_others(model: str) -> None:
+def test_servo_that_only_answers_pings_is_found(model: str) -> None:
     mute = VirtualServo(4, model=model)
     mute.set("status_return_level", 0)
     line = wired(VirtualServo(2, model=model), mute)

@@ -34,7 +34,7 @@ def make() -> Iterator[Make]:
 # --- joints as described ----------------------------------------------------------------------------------------------
 
 
-def test_all_faults_of_a_robot_file_are_told_at_once() -> None:
+def test_all_faults_of_joint_specs_are_reported_together() -> None:
     specs = {
         "a": JointSpec(1, model="AX-99"),
         "b": JointSpec(1, direction=2, speed=nan),
@@ -49,7 +49,7 @@ def test_all_faults_of_a_robot_file_are_told_at_once() -> None:
     assert "d: limits -2.6..2.6 rad reach beyond" in str(caught.value)
 
 
-def test_limits_are_those_of_the_robot_file_in_its_order(make: Make) -> None:
+def test_limits_are_in_the_order_of_the_robot_file(make: Make) -> None:
     arm = make({"z": JointSpec(2, lower=-1, upper=1, speed=3), "a": JointSpec(1, speed=99)})
     assert list(arm.joints.limits) == ["z", "a"]
     assert (arm.joints.limits["z"].lower, arm.joints.limits["z"].upper, arm.joints.limits["z"].speed) == (-1, 1, 3)
@@ -59,7 +59,7 @@ def test_limits_are_those_of_the_robot_file_in_its_order(make: Make) -> None:
 # --- finding the servos -----------------------------------------------------------------------------------------------
 
 
-def test_it_starts_without_its_hardware_and_finds_it_later(make: Make) -> None:
+def test_arm_opens_without_hardware_and_connects_later(make: Make) -> None:
     arm = make()
     arm.line.plugged = False
     arm.joints.open()
@@ -76,7 +76,7 @@ def test_it_starts_without_its_hardware_and_finds_it_later(make: Make) -> None:
     assert arm.joints.health().detail == arm.joints.health().hint == ""
 
 
-def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(make: Make) -> None:
+def test_replugged_arm_is_online_once_every_servo_has_its_settings(make: Make) -> None:
     arm = make().start()
     arm.joints.move({"elbow": 0.3})
     arm.until(lambda: arm.at("elbow", 0.3))
@@ -101,7 +101,7 @@ def test_back_on_its_port_it_counts_as_online_once_every_servo_has_its_settings(
     arm.until(lambda: arm.at("elbow", -0.3))
 
 
-def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) -> None:
+def test_missing_and_mismatched_servos_are_in_one_message(make: Make) -> None:
     specs = {"a": JointSpec(1), "b": JointSpec(2), "c": JointSpec(3), "d": JointSpec(4)}
     arm = make({**specs, "e": JointSpec(5)})
     arm.chain.servo(1).set(m.MODEL_NUMBER, 18)
@@ -131,7 +131,7 @@ def test_one_message_lists_all_that_is_missing_and_all_that_differs(make: Make) 
         (m.STATUS_RETURN_LEVEL, 1, "does not acknowledge writes"),
     ],
 )
-def test_a_servo_that_is_set_up_otherwise_is_not_driven_until_it_is_put_right(
+def test_mismatched_servo_is_not_driven_until_corrected(
     make: Make, register: Register, value: int, complaint: str
 ) -> None:
     arm = make()
@@ -159,7 +159,7 @@ def test_offline_when_no_servo_answers(make: Make) -> None:
     arm.until(lambda: arm.joints.health().online and arm.joints.health().detail == "")
 
 
-def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> None:
+def test_dead_servo_is_reported_and_does_not_slow_down_the_others(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(2).present = False
     arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
@@ -177,7 +177,7 @@ def test_a_dead_servo_is_told_and_does_not_slow_the_others_down(make: Make) -> N
 # --- moving -----------------------------------------------------------------------------------------------------------
 
 
-def test_joints_move_to_their_goals_and_tell_what_they_feel(make: Make) -> None:
+def test_joints_reach_their_goals_and_report_their_state(make: Make) -> None:
     arm = make().start()
     assert arm.joints.move({"shoulder": 0.4, "elbow": -0.4}, speeds={"elbow": 1.0}) == {"shoulder": 0.4, "elbow": -0.4}
     arm.until(lambda: arm.state("elbow").moving)
@@ -203,7 +203,7 @@ def test_a_move_of_stiff_joints_is_one_packet_of_goals_and_speeds(make: Make) ->
     assert arm.chain.servo(3).get(m.GOAL_POSITION) == servo.model.ticks(-0.2)
 
 
-def test_the_goal_is_where_the_joint_stands_before_its_torque_comes_on(make: Make) -> None:
+def test_goal_is_the_present_position_before_torque_is_enabled(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(1).turn_by_hand(0.7)
     arm.until(lambda: arm.at("shoulder", 0.7))
@@ -240,7 +240,7 @@ def test_a_joint_mounted_the_other_way_round_turns_the_other_way(make: Make) -> 
     assert arm.chain.servo(1).angle == pytest.approx(0.2, abs=TICK)
 
 
-def test_goals_are_clamped_and_speeds_kept_within_bounds(make: Make) -> None:
+def test_goals_and_speeds_are_clamped(make: Make) -> None:
     arm = make({"elbow": JointSpec(2, lower=-0.3, upper=0.3, speed=1.5)}).start()
     assert arm.joints.move({"elbow": 9.0}, speeds={"elbow": 50.0}) == {"elbow": 0.3}
     servo = arm.chain.servo(2)
@@ -252,7 +252,7 @@ def test_goals_are_clamped_and_speeds_kept_within_bounds(make: Make) -> None:
     assert arm.state("elbow").goal == -0.3
 
 
-def test_a_move_that_cannot_be_names_every_fault_and_moves_nothing(make: Make) -> None:
+def test_invalid_move_reports_every_fault_and_moves_nothing(make: Make) -> None:
     arm = make().start()
     with pytest.raises(BadRequest) as caught:
         arm.joints.move({"elbow": nan, "knee": 0.1, "wrist": 0.5}, speeds={"shoulder": inf})
@@ -263,7 +263,7 @@ def test_a_move_that_cannot_be_names_every_fault_and_moves_nothing(make: Make) -
     assert all(servo.limp for servo in arm.chain.servos)
 
 
-def test_a_missing_servo_is_left_out_of_a_move_once_told_and_the_others_go(make: Make) -> None:
+def test_missing_servo_is_left_out_of_a_move_with_one_notice(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(2).present = False
     arm.until(lambda: arm.told("elbow (servo 2) no longer answers"))
@@ -296,7 +296,7 @@ def test_stiffening_never_jumps_to_an_old_goal(make: Make) -> None:
     assert arm.state("shoulder").goal == pytest.approx(-0.5, abs=TICK)
 
 
-def test_a_move_from_limp_starts_where_the_joint_stands_at_the_speed_asked_for(make: Make) -> None:
+def test_move_from_limp_starts_at_the_present_position(make: Make) -> None:
     arm = make().start()
     servo = arm.chain.servo(1)
     servo.turn_by_hand(1.0)
@@ -327,7 +327,7 @@ def test_holding_stops_a_move_half_way(make: Make) -> None:
     assert not arm.limp(2)
 
 
-def test_a_joint_turned_beyond_its_limits_is_held_at_the_limit(make: Make) -> None:
+def test_joint_beyond_its_limits_is_held_at_the_limit(make: Make) -> None:
     arm = make({"elbow": JointSpec(2, lower=-0.3, upper=0.3)}).start()
     arm.chain.servo(2).turn_by_hand(0.6)
     arm.until(lambda: arm.at("elbow", 0.6))
@@ -354,7 +354,7 @@ def test_hold_relax_and_rest_are_safe_before_open_after_close_and_twice(make: Ma
     assert not any(notice.kind == "fault" for notice in arm.notices)
 
 
-def test_it_may_be_opened_again_after_it_was_closed(make: Make) -> None:
+def test_closed_arm_can_be_opened_again(make: Make) -> None:
     arm = make().start()
     arm.joints.close()
     assert "closed" in arm.joints.health().detail
@@ -365,7 +365,7 @@ def test_it_may_be_opened_again_after_it_was_closed(make: Make) -> None:
     assert [notice.kind for notice in arm.notices] == ["online"]
 
 
-def test_at_the_end_the_arm_rests_as_its_robot_file_asks(make: Make) -> None:
+def test_closed_arm_rests_as_configured(make: Make) -> None:
     for policy, limp in (("hold", False), ("relax", True)):
         arm = make(at_rest=policy).start()
         arm.joints.move({"shoulder": 0.2, "elbow": 0.2, "wrist": 0.2})
@@ -375,7 +375,7 @@ def test_at_the_end_the_arm_rests_as_its_robot_file_asks(make: Make) -> None:
         assert not arm.bus.is_open
 
 
-def test_closing_tells_which_servos_could_not_be_relaxed_and_relaxes_the_others(make: Make) -> None:
+def test_close_reports_servos_that_were_not_relaxed(make: Make) -> None:
     arm = make(at_rest="relax").start()
     arm.joints.move({"shoulder": 0.2, "elbow": 0.2, "wrist": 0.2})
     arm.until(lambda: arm.at("wrist", 0.2))
@@ -396,7 +396,7 @@ def test_closing_with_the_plug_pulled_names_every_servo(make: Make) -> None:
     assert fault.message.count("servo") == 3
 
 
-def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None:
+def test_estimated_position_is_extrapolated_up_to_the_goal() -> None:
     joint = Joint("elbow", JointSpec(2), MODELS["AX-12A"])
     assert joint.estimated_position(5.0) is None
 
@@ -414,7 +414,7 @@ def test_a_joint_is_led_by_its_speed_as_far_as_its_goal_and_no_further() -> None
     assert at(1.0, velocity=6.0, goal=2.0) == 0.5
 
 
-def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: Make) -> None:
+def test_hold_at_full_speed_uses_the_estimated_position(make: Make) -> None:
     arm = make()
     arm.bus.open()
     joint = Joint(
@@ -431,7 +431,7 @@ def test_held_at_full_speed_a_joint_is_not_sent_back_to_where_it_was_seen(make: 
 # --- what goes wrong on the way ---------------------------------------------------------------------------------------
 
 
-def test_after_replugging_it_goes_on_with_its_settings_restored(make: Make) -> None:
+def test_replugged_arm_restores_its_settings(make: Make) -> None:
     arm = make({"elbow": JointSpec(2, torque_limit=0.5)}).start()
     arm.joints.move({"elbow": 0.4})
     arm.until(lambda: arm.at("elbow", 0.4))
@@ -450,7 +450,7 @@ def test_after_replugging_it_goes_on_with_its_settings_restored(make: Make) -> N
     assert [notice.kind for notice in arm.notices[:3]] == ["online", "offline", "online"]
 
 
-def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
+def test_relaxed_arm_stays_limp_when_a_servo_returns(make: Make) -> None:
     arm = make().start()
     arm.joints.move({"elbow": 0.1})
     arm.until(lambda: arm.at("elbow", 0.1))
@@ -465,9 +465,7 @@ def test_a_relaxed_arm_stays_limp_when_its_servos_come_back(make: Make) -> None:
 
 @pytest.mark.parametrize("latch", [1000.0, 0.2], ids=["for a while", "for long"])
 @pytest.mark.parametrize("gone", [(2,), (1, 2, 3)], ids=["one servo", "the power of all"])
-def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_decided_before(
-    make: Make, gone: tuple[int, ...], latch: float
-) -> None:
+def test_move_is_not_resumed_after_a_disconnect_of_servos(make: Make, gone: tuple[int, ...], latch: float) -> None:
     arm = make(away=ReconnectPolicy(decide_after=0.1, latch_after=latch)).start()
     arm.joints.move({"shoulder": 1.5, "elbow": 1.5}, speeds={"shoulder": 0.1, "elbow": 0.1})
     for number in gone:
@@ -488,7 +486,7 @@ def test_after_servos_were_away_on_a_port_that_stayed_nothing_goes_on_that_was_d
     arm.until(lambda: arm.at("shoulder", 0.0) and arm.at("elbow", 0.0))
 
 
-def test_a_servo_that_begins_to_refuse_is_given_up_and_the_reading_goes_on(make: Make) -> None:
+def test_servo_that_refuses_reads_is_given_up_until_it_recovers(make: Make) -> None:
     arm = make().start()
     refusal = status(2, ServoFault.RANGE)
     arm.line.distort = lambda data: refusal if data[2:3] == b"\x02" else data
@@ -508,7 +506,7 @@ def test_a_dip_of_the_supply_is_noticed_and_made_good(make: Make) -> None:
     assert arm.chain.servo(2).get(m.MOVING_SPEED) > 0
 
 
-def test_lasting_faults_are_told_once_and_readings_go_on(make: Make) -> None:
+def test_lasting_fault_is_reported_once(make: Make) -> None:
     arm = make().start()
     arm.chain.servo(3).voltage = 5.5
     arm.until(lambda: arm.told("wrist (servo 3) reports voltage (5.5 V, 35 °C, load +0%)"))
@@ -522,7 +520,7 @@ def test_lasting_faults_are_told_once_and_readings_go_on(make: Make) -> None:
     arm.until(lambda: sum("reports voltage" in notice.message for notice in arm.notices) == 2)
 
 
-def test_a_servo_that_shut_down_is_told_left_out_and_recovers_where_it_stands_when_asked(make: Make) -> None:
+def test_shut_down_servo_is_left_out_and_recovers_on_request(make: Make) -> None:
     arm = make().start()
     servo = arm.chain.servo(2)
     arm.joints.move({"elbow": 0.5})
@@ -546,7 +544,7 @@ def test_a_servo_that_shut_down_is_told_left_out_and_recovers_where_it_stands_wh
 
 
 @pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
-def test_listeners_that_raise_do_not_end_the_watch_nor_keep_the_bus(make: Make, error: BaseException) -> None:
+def test_exceptions_in_callbacks_do_not_end_the_monitor(make: Make, error: BaseException) -> None:
     def throw(*_: object) -> None:
         raise error
 
@@ -565,9 +563,7 @@ def test_listeners_that_raise_do_not_end_the_watch_nor_keep_the_bus(make: Make, 
     assert arm.limp(2)
 
 
-def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
-    make: Make, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_exception_in_the_monitor_is_reported_once_and_survived(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     arm = make().start()
     rounds = []
 
@@ -582,7 +578,7 @@ def test_what_goes_wrong_in_the_watch_is_told_once_and_the_watch_goes_on(
     assert [notice.message for notice in arm.notices if notice.kind == "fault"] == ["ValueError: broken"]
 
 
-def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_close_releases_the_bus_although_the_rest_fails(make: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     arm = make().start()
 
     def broken(*_: object, **__: object) -> None:
@@ -594,14 +590,14 @@ def test_closing_lets_the_bus_go_though_the_arm_cannot_be_rested(make: Make, mon
     assert arm.told("could not be held: shoulder (servo 1), elbow (servo 2), wrist (servo 3) (ValueError: broken)")
 
 
-def test_without_its_thread_the_arm_is_not_online(make: Make) -> None:
+def test_arm_without_its_thread_is_offline(make: Make) -> None:
     arm = make().start()
     arm.joints._loop.end()
     arm.until(lambda: not arm.joints.health().online)
     assert arm.bus.is_open
 
 
-def test_readings_that_are_never_renewed_turn_stale(make: Make) -> None:
+def test_readings_without_renewal_turn_stale(make: Make) -> None:
     arm = make().start()
     arm.until(lambda: all(reading.good for reading in arm.joints.states().values()))
     assert arm.rounds > 0
@@ -668,7 +664,7 @@ def test_over_a_port_the_arm_is_moved_lost_found_again_and_relaxed(ported: Porte
     assert [servo.limp for servo in ported.chain.servos] == [True] * 3
 
 
-def test_a_port_that_someone_else_holds_is_told_by_health(ported: Ported) -> None:
+def test_busy_port_is_reported_in_health(ported: Ported) -> None:
     other = ported.bus()
     other.open()
     ported.joints.open()

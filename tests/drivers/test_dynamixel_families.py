@@ -69,7 +69,7 @@ FAMILIES = {
 
 
 @pytest.mark.parametrize(("number", "name"), FAMILIES.items())
-def test_a_servo_is_known_by_its_number_and_found_on_the_wire(number: int, name: str) -> None:
+def test_servo_family_is_recognised_by_its_number(number: int, name: str) -> None:
     servo = TableServo(known(number), 4, number.to_bytes(2, "little"))
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
     (found,) = scan_bus(bus, [1_000_000], ids=range(8))
@@ -82,7 +82,7 @@ def test_a_servo_is_known_by_its_number_and_found_on_the_wire(number: int, name:
 
 
 @pytest.mark.parametrize(("number", "name"), FAMILIES.items())
-def test_ports_name_it(number: int, name: str) -> None:
+def test_port_probe_names_the_servo_model(number: int, name: str) -> None:
     servo = TableServo(known(number), 4, number.to_bytes(2, "little"))
     probe = FEETECH if servo.model.protocol == "STS" else DYNAMIXEL
     answer = run_probe(resolve_name(probe.probe), HandAsked(TableServos(servo)))
@@ -94,7 +94,7 @@ def test_ports_name_it(number: int, name: str) -> None:
 
 
 @pytest.mark.parametrize(("number", "address"), [(350, 3), (1240, 7), (1120, 7), (0x0405, 5), (0x2305, 5), (521, 5)])
-def test_a_new_id_goes_into_the_register_of_its_own_table(number: int, address: int) -> None:
+def test_new_id_is_written_to_the_register_of_its_table(number: int, address: int) -> None:
     servo = TableServo(known(number), 1, number.to_bytes(2, "little"))
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
     at = ServoAddress(1, servo.model.protocol)
@@ -115,7 +115,7 @@ def test_words_of_an_scs_are_big_endian() -> None:
     assert (11, b"\x03\x84") in servo.written
 
 
-def test_a_servo_whose_id_stands_elsewhere_is_not_written() -> None:
+def test_servo_with_a_mismatched_table_is_not_written() -> None:
     stranger = VirtualServo(1, model="XL430-W250")
     stranger.set("model_number", 350)  # an XL-320 by its number alone
     bus, _, _ = direct_bus(VirtualServoBus([stranger]))
@@ -123,7 +123,7 @@ def test_a_servo_whose_id_stands_elsewhere_is_not_written() -> None:
         require_unique_id(bus, ServoAddress(1, 2))
 
 
-def test_a_model_that_is_not_driven_is_not_proposed_for_the_robot_file() -> None:
+def test_undriven_model_is_not_suggested_for_the_robot_file() -> None:
     servo = TableServo(known(350), 1)
     bus, _, _ = direct_bus(TableServos(servo))  # type: ignore[arg-type]
     joint = Joint("neck", JointSpec(1, "XL430-W250"), MODELS["XL430-W250"])
@@ -134,7 +134,7 @@ def test_a_model_that_is_not_driven_is_not_proposed_for_the_robot_file() -> None
 
 
 @pytest.mark.parametrize(("driver", "model"), [("dynamixel", "XL-320"), ("feetech", "SCS0009")])
-def test_a_robot_file_with_such_a_model_is_refused_in_words(driver: str, model: str) -> None:
+def test_robot_file_with_an_undriven_model_is_refused(driver: str, model: str) -> None:
     text = f"robot: small\narm:\n  driver: {driver}\n  port: /dev/x\n  joints:\n    neck: {{id: 1, model: {model}}}\n"
     with pytest.raises(InvalidFileError, match="XL-320 and SCS0009, are recognised and set up, but not driven"):
         parse_robot(SourceText("small.yaml", text))
@@ -144,7 +144,7 @@ def _run(capsys: pytest.CaptureFixture[str], port: str, line: str) -> Outcome:
     return command(capsys, *line.split(), "--port", port)
 
 
-def test_the_tools_name_it_show_its_registers_and_set_its_id(
+def test_servo_commands_support_an_undriven_model(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -161,7 +161,7 @@ def test_the_tools_name_it_show_its_registers_and_set_its_id(
 
 
 @pytest.mark.parametrize(("model", "name"), [("AX-12A", "?"), ("XM430-W350", "XM430-W350")])
-def test_ports_tell_how_to_wake_a_servo_that_answers_pings_alone(model: str, name: str) -> None:
+def test_ping_only_servo_gives_a_hint_in_ports(model: str, name: str) -> None:
     mute = VirtualServo(4, model=model)
     mute.set("status_return_level", 0)
     answer = run_probe(resolve_name(DYNAMIXEL.probe), HandAsked(VirtualServoBus([mute])))
@@ -189,7 +189,7 @@ def fed(model: str, volts: float, *, highest: int | None = None) -> tuple[str, s
 @pytest.mark.parametrize(
     ("model", "volts", "made"), [("STS3215", 12.2, "7.4 V"), ("XL330-M288", 12.0, "5 V"), ("XC330-M288", 12.0, "5 V")]
 )
-def test_more_volts_than_a_servo_bears_are_refused_before_it_has_torque(model: str, volts: float, made: str) -> None:
+def test_overvoltage_is_refused_before_torque(model: str, volts: float, made: str) -> None:
     told, cure = fed(model, volts)
     assert f"gets {volts:.1f} V, but allows" in told
     assert f"made for {made}" in told

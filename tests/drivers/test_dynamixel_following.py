@@ -25,7 +25,7 @@ def test_a_follower_belongs_at_scale_times_leader_plus_offset(position: float, s
     assert following.goals({"left": position, "third": 9.0}) == {"right": scale * position + offset}
 
 
-def test_a_leader_of_which_nothing_is_heard_leaves_its_follower_alone() -> None:
+def test_follower_without_a_leader_reading_gets_no_goal() -> None:
     following = ActiveCouplings([Coupling("left", "right"), Coupling("third", "fourth", scale=-1.0)])
     assert following.goals({"third": 0.5}) == {"fourth": -0.5}
     assert following.goals({}) == {}
@@ -42,7 +42,7 @@ def test_followers_can_be_let_go_one_by_one() -> None:
     assert not following
 
 
-def test_everything_wrong_with_couplings_is_told_at_once() -> None:
+def test_all_faults_of_couplings_are_reported_together() -> None:
     wrong = [
         Coupling("left", "right", scale=nan),
         Coupling("right", "third", offset=inf),
@@ -85,7 +85,7 @@ def test_goals_are_the_nearest_within_the_limits(goal: float) -> None:
     assert bool(limited.notices) == (abs(goal) > 1.0 + limited.joint.model.tick / 2)
 
 
-def test_a_clamped_goal_is_told_once_an_episode_with_the_angles_as_people_write_them() -> None:
+def test_clamped_goal_is_reported_once_per_episode() -> None:
     limited = Limited()
     for step in range(100):
         limited.ask(radians(90), now=step * 0.05)
@@ -113,7 +113,7 @@ def test_rounds_keep_their_rate_on_the_average_and_catch_up_with_no_burst() -> N
 
 
 @pytest.mark.parametrize("period", [0.01, 0.02, 0.05, 0.1])
-def test_what_is_due_a_while_after_the_end_of_a_round_keeps_that_rate_on_the_average(period: float) -> None:
+def test_round_schedule_keeps_the_average_rate(period: float) -> None:
     pace, now, rounds = RoundSchedule(100.0), 0.0, round(2.0 / period)
     pace.restart(now, 0.0)
     for _ in range(rounds):
@@ -122,7 +122,7 @@ def test_what_is_due_a_while_after_the_end_of_a_round_keeps_that_rate_on_the_ave
     assert now == pytest.approx(2.0, abs=0.02)
 
 
-def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_moment() -> None:
+def test_overloaded_round_schedule_leaves_a_gap() -> None:
     pace = RoundSchedule(100.0)
     pace.restart(0.0, 0.0)
     now = 0.0
@@ -136,7 +136,7 @@ def test_a_wire_that_needs_longer_than_a_round_is_still_given_to_others_for_a_mo
 # --- brought over -----------------------------------------------------------------------------------------------------
 
 
-def test_a_follower_is_brought_over_slowly_until_it_has_come_near_and_then_goes_as_it_may() -> None:
+def test_follower_approaches_slowly_and_then_at_full_speed() -> None:
     following = ActiveCouplings([Coupling("left", "right")])
     assert following.speeds({"right": 1.0}, {"right": 0.0}, 0.00) == {"right": MAX_APPROACH_SPEED}
     assert following.speeds({"right": 1.0}, {}, 0.01) == {"right": MAX_APPROACH_SPEED}  # nobody knows where it is
@@ -145,7 +145,7 @@ def test_a_follower_is_brought_over_slowly_until_it_has_come_near_and_then_goes_
     assert following.speeds({"right": -1.0}, {}, 0.04) == {}
 
 
-def test_after_a_pause_it_is_brought_over_anew_unless_it_is_near() -> None:
+def test_follower_approaches_again_after_a_pause() -> None:
     following = ActiveCouplings([Coupling("left", "right"), Coupling("left", "third")])
     near = {"right": 0.0, "third": 0.0}
     assert following.speeds(near, near, 0.0) == {}

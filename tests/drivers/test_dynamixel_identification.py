@@ -87,7 +87,7 @@ def test_two_servos_with_one_id_are_noticed_and_nothing_is_written(name: str, sp
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_second_servo_that_was_plugged_in_meanwhile_is_noticed_before_anything_is_written(name: str) -> None:
+def test_second_servo_plugged_in_meanwhile_is_detected_before_the_write(name: str) -> None:
     one, other = VirtualServo(1, model=name), VirtualServo(1, model=name, angle=0.4)
     other.present = False
     bus, _, _ = direct_bus(VirtualServoBus([one, other]))
@@ -109,7 +109,7 @@ def test_two_models_with_one_id_are_noticed(names: tuple[str, str]) -> None:
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_two_models_that_are_heard_by_turns_are_noticed(seed: int) -> None:
+def test_two_alternating_models_are_detected(seed: int) -> None:
     chain = VirtualServoBus([VirtualServo(1, model="AX-12A"), VirtualServo(1, model="MX-28")])
     chain.contention = by_turns(seed)
     bus, _, _ = direct_bus(chain)
@@ -129,7 +129,7 @@ def test_one_servo_passes_without_a_write(name: str, *, paced: bool) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_servo_on_its_way_passes(name: str) -> None:
+def test_moving_servo_passes_the_unique_id_check(name: str) -> None:
     servo = VirtualServo(1, model=name)
     chain = VirtualServoBus([servo], paced=True)
     bus, _, _ = direct_bus(chain)
@@ -140,7 +140,7 @@ def test_a_servo_on_its_way_passes(name: str) -> None:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_a_line_that_damages_a_reply_now_and_then_is_no_second_servo(seed: int) -> None:
+def test_noisy_line_is_not_a_second_servo(seed: int) -> None:
     injection = FaultInjection(seed=seed, flip=0.02, drop=0.01, split=0.2)
     bus, _, _ = direct_bus(VirtualServoBus([VirtualServo(1)], paced=True, injection=injection))
     assert require_unique_id(bus, ServoAddress(1)).number == 12
@@ -153,7 +153,7 @@ def test_the_echo_of_an_adapter_is_no_second_servo(echo: float) -> None:
     assert bus.statistics(1).duplicates == 0
 
 
-def test_an_unknown_model_and_another_model_are_refused() -> None:
+def test_unknown_or_different_model_is_refused() -> None:
     stranger, other = VirtualServo(1, model="XL430-W250"), VirtualServo(2, model="XL430-W250")
     stranger.set("model_number", 351)
     bus, _, _ = direct_bus(VirtualServoBus([stranger, other]))
@@ -163,14 +163,14 @@ def test_an_unknown_model_and_another_model_are_refused() -> None:
         require_unique_id(bus, ServoAddress(2, 2), 1020)
 
 
-def test_a_table_of_another_model_is_not_written() -> None:
+def test_table_of_another_model_is_not_written() -> None:
     servo = VirtualServo(1, model="MX-28")
     bus, _, _ = direct_bus(VirtualServoBus([servo]))
     with pytest.raises(DeviceFault, match="another control table"):
         plan_changes(bus, ServoAddress(1), MODELS["AX-12A"].table, {"return_delay": 0})
 
 
-def test_an_id_is_taken_by_a_servo_that_answers_pings_alone() -> None:
+def test_id_of_a_ping_only_servo_is_taken() -> None:
     servo, mute = VirtualServo(1), VirtualServo(4)
     mute.set("status_return_level", 0)
     bus, _, _ = direct_bus(VirtualServoBus([servo, mute]))
@@ -178,7 +178,7 @@ def test_an_id_is_taken_by_a_servo_that_answers_pings_alone() -> None:
         plan_changes(bus, ServoAddress(1), MODELS["AX-12A"].table, {"id": 4})
 
 
-def test_an_old_id_that_still_answers_is_told() -> None:
+def test_old_id_that_still_answers_is_reported() -> None:
     one, other = VirtualServo(1), VirtualServo(1)
     chain = VirtualServoBus([one, other])
     chain.contention = lambda slot: slot[:1]  # the stronger one alone is ever heard: no read tells them apart
@@ -189,13 +189,13 @@ def test_an_old_id_that_still_answers_is_told() -> None:
         apply_changes(bus, ServoAddress(1), table, plan_changes(bus, ServoAddress(1), table, {"id": 5}))
 
 
-def test_a_servo_that_answers_one_read_in_two_is_not_written_to() -> None:
+def test_unreliable_servo_is_not_written() -> None:
     bus, _, _ = direct_bus(VirtualServoBus([VirtualServo(1)], injection=FaultInjection(seed=4, drop=0.5)))
     with pytest.raises(NoReply):
         require_unique_id(bus, ServoAddress(1))
 
 
-def test_replies_that_overlap_by_some_bits_are_read_as_a_receiver_reads_them() -> None:
+def test_overlapping_replies_are_merged_bitwise() -> None:
     same = b"\xff\xff\x01\x02\x00\xfc"
     assert merge_replies([(0.0, same), (0.0, same)]) == [(0.0, same)]
     assert merge_replies([(0.0, b"\x0f"), (0.0, b"\x3c")]) == [(0.0, b"\x0c")]

@@ -24,14 +24,14 @@ NUMBERS = (
 )
 
 
-def test_every_servo_that_the_project_drives_is_known_by_its_number() -> None:
+def test_every_driven_servo_is_known_by_its_number() -> None:
     assert {model.name: model.number for model in MODELS.values()} == NUMBERS
     for name, number in NUMBERS.items():
         assert find_model(number) is MODELS[name]
         assert MODELS[name].default(MODELS[name].table["model_number"]) == number
 
 
-def test_a_number_that_no_servo_has_is_unknown() -> None:
+def test_unknown_model_number_has_no_model() -> None:
     assert find_model(0) is None
 
 
@@ -48,7 +48,7 @@ def test_a_number_that_no_servo_has_is_unknown() -> None:
         ("STS3215", 0.087891, 180, 0.0015340),
     ],
 )
-def test_a_step_is_worth_what_the_manual_says(name: str, tick: float, reach: float, speed_unit: float) -> None:
+def test_tick_and_speed_units_match_the_manual(name: str, tick: float, reach: float, speed_unit: float) -> None:
     model = MODELS[name]
     assert isclose(degrees(model.tick), tick, rel_tol=1e-4)
     assert isclose(degrees(model.angle(0)), -reach)
@@ -57,7 +57,7 @@ def test_a_step_is_worth_what_the_manual_says(name: str, tick: float, reach: flo
 
 
 @each("model", EVERY)
-def test_the_middle_of_every_servo_is_its_zero(model: ServoModel) -> None:
+def test_zero_angle_is_the_centre_tick(model: ServoModel) -> None:
     assert model.ticks(0.0) == model.centre_tick
     assert model.angle(model.centre_tick) == 0.0
     assert model.last_tick == 2 * model.centre_tick - 1
@@ -79,7 +79,7 @@ def test_no_angle_leads_out_of_the_servos_range(model: ServoModel, angle: float)
 
 
 @given(ANY, st.floats(0, 1000))
-def test_no_speed_becomes_the_zero_that_means_as_fast_as_it_can(model: ServoModel, speed: float) -> None:
+def test_speed_is_never_encoded_as_zero(model: ServoModel, speed: float) -> None:
     steps = model.speed_ticks(speed)
     assert 1 <= steps <= model.max_speed_ticks
     if 1.5 * model.speed_unit < speed < model.top_speed:
@@ -94,7 +94,7 @@ def test_no_torque_limit_looks_like_a_shutdown(model: ServoModel, share: float) 
 
 
 @each("model", EVERY)
-def test_all_of_its_torque_is_what_the_ceiling_allows(model: ServoModel) -> None:
+def test_full_torque_is_the_torque_ceiling(model: ServoModel) -> None:
     ceiling = model.table[model.table.torque_ceiling]
     assert model.torque_ticks(1.0) == model.full_torque == ceiling.upper
     limit = model.table[model.table.torque_limit]
@@ -131,12 +131,12 @@ def test_one_write_of_protocol_2_holds_speed_and_goal() -> None:
 
 
 @each("model", EVERY)
-def test_the_free_speed_is_one_that_the_servo_can_be_told(model: ServoModel) -> None:
+def test_free_speed_is_encodable(model: ServoModel) -> None:
     assert 0 < model.free_speed < 1.2 * model.top_speed
     assert model.stall_torque > 0
 
 
-def test_a_servo_of_protocol_2_is_told_no_speed_above_its_limit() -> None:
+def test_protocol_2_speed_is_limited_by_the_velocity_limit() -> None:
     for model in MODELS.values():
         if model.protocol == 2:
             assert model.max_speed_ticks == model.default(model.table["velocity_limit"])
@@ -189,7 +189,7 @@ def test_an_ax_and_an_sts_are_delivered_at_1_megabaud_and_any_other_at_57600(mod
         ("XC330-M288", "current_limit", 2352),
     ],
 )
-def test_a_model_is_delivered_as_the_manual_says(name: str, register: str, value: int) -> None:
+def test_register_defaults_match_the_manual(name: str, register: str, value: int) -> None:
     model = MODELS[name]
     assert model.default(model.table[register]) == value
 
@@ -217,14 +217,14 @@ def test_the_true_rate_of_a_usual_one_has_the_same_code() -> None:
 
 
 @each(("baud", "protocol"), [(1_500_000, 1), (4_500_000, 1), (1200, 1), (0, 1), (-9600, 2), (250_000, 2), (500_000, 2)])
-def test_a_rate_that_no_servo_can_run_at_is_refused_with_those_that_exist(baud: int, protocol: Protocol) -> None:
+def test_unsupported_baud_rate_lists_the_supported_ones(baud: int, protocol: Protocol) -> None:
     with pytest.raises(BadRequest, match=str(baud)) as caught:
         baud_code(baud, protocol)
     assert "57600" in caught.value.hint
     assert "1000000" in caught.value.hint
 
 
-def test_a_code_that_means_nothing_is_refused() -> None:
+def test_unknown_baud_code_is_refused() -> None:
     with pytest.raises(BadRequest, match="code 8"):
         baud_of(8, 2)
 
@@ -235,7 +235,7 @@ def test_every_code_of_protocol_1_leads_back_to_a_rate_within_3_percent(code: in
     assert abs(baud_of(baud_code(baud, 1), 1) - baud) <= 0.03 * baud
 
 
-def test_an_ax_cannot_be_given_the_codes_that_only_an_mx_knows() -> None:
+def test_baud_codes_of_an_mx_are_refused_for_an_ax() -> None:
     assert MODELS["AX-12A"].table["baud"].upper < 250 <= MODELS["MX-28"].table["baud"].upper
 
 

@@ -42,7 +42,7 @@ def test_requests_are_the_same_bytes(protocol: Protocol, servo: int, instruction
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @given(replies=st.lists(ONE_REPLY, max_size=5), cuts=st.lists(st.integers(0, 400), max_size=6))
 @example(replies=[(1, 0, bytes.fromhex("ff ff fd 00 ff ff fd fd"))], cuts=[])
-def test_replies_are_the_same_packets_however_they_are_cut(
+def test_fragmented_replies_are_parsed_alike(
     protocol: Protocol, replies: list[tuple[int, int, bytes]], cuts: list[int]
 ) -> None:
     stream = b"".join(status(protocol, *reply) for reply in replies)
@@ -53,7 +53,7 @@ def test_replies_are_the_same_packets_however_they_are_cut(
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
 @given(noise=st.binary(max_size=30), reply=ONE_REPLY, flip=st.integers(0, 2**16))
-def test_noise_and_a_flipped_bit_never_make_another_packet(
+def test_noise_and_bit_flips_never_create_another_packet(
     protocol: Protocol, noise: bytes, reply: tuple[int, int, bytes], flip: int
 ) -> None:
     frame = bytearray(status(protocol, *reply))
@@ -67,18 +67,18 @@ def test_noise_and_a_flipped_bit_never_make_another_packet(
     )
 
 
-def test_what_the_vendors_code_would_send_wrongly_is_refused() -> None:
+def test_unescaped_header_in_the_vendor_code_is_refused() -> None:
     with pytest.raises(ValueError, match="ff ff fd in a packet; take framing: own"):
         SDK_CODECS[2].frame(1, wire2.Protocol2Instruction.WRITE, bytes.fromhex("74 00 ff ff fd 00"))
 
 
 @pytest.mark.parametrize("protocol", PROTOCOLS)
-def test_no_packet_is_made_for_what_is_too_long_or_for_no_servo(protocol: Protocol) -> None:
+def test_oversized_or_misaddressed_packet_is_refused(protocol: Protocol) -> None:
     for servo, size in ((1, 2000), (300, 0), (-1, 0)):
         with pytest.raises(ValueError, match="the vendor's code takes no packet"):
             SDK_CODECS[protocol].frame(servo, 3, bytes(size))
 
 
-def test_noise_that_looks_like_a_reply_too_short_to_be_one_is_none() -> None:
+def test_too_short_reply_is_ignored() -> None:
     short = bytes.fromhex("ff ff 90 01 6e")  # its checksum is right, and it has no room for an error byte
     assert heard(1, "sdk", short + wire.status(7)) == heard(1, "own", short + wire.status(7)) == [Packet(7, 0)]

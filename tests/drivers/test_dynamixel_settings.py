@@ -46,7 +46,7 @@ def bench() -> Bench:
     return Bench()
 
 
-def test_a_plan_names_only_what_differs_and_writes_nothing(bench: Bench) -> None:
+def test_plan_lists_only_differences_and_writes_nothing(bench: Bench) -> None:
     assert named(bench.plan(return_delay=0, temperature_limit=70, lowest_voltage=90)) == [
         ("return_delay", 250, 0),
         ("lowest_voltage", 60, 90),
@@ -54,7 +54,7 @@ def test_a_plan_names_only_what_differs_and_writes_nothing(bench: Bench) -> None
     assert not bench.writes
 
 
-def test_a_servo_that_is_as_it_should_be_is_not_touched(bench: Bench) -> None:
+def test_servo_with_equal_settings_is_not_written(bench: Bench) -> None:
     bench.servo.set("torque_enable", 1)
     assert bench.set(return_delay=250) is False
     assert not bench.writes
@@ -62,7 +62,7 @@ def test_a_servo_that_is_as_it_should_be_is_not_touched(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_settings_are_written_to_a_servo_that_went_limp_first(name: str) -> None:
+def test_servo_is_relaxed_before_eeprom_writes(name: str) -> None:
     bench = Bench(name)
     bench.servo.set("torque_enable", 1)
     assert bench.set(return_delay=0, temperature_limit=65) is True
@@ -73,12 +73,12 @@ def test_settings_are_written_to_a_servo_that_went_limp_first(name: str) -> None
     assert not bench.plan(return_delay=0, temperature_limit=65)
 
 
-def test_a_limp_servo_is_not_told_to_go_limp(bench: Bench) -> None:
+def test_limp_servo_is_not_relaxed_again(bench: Bench) -> None:
     assert bench.set(return_delay=0) is False
     assert len(bench.writes) == 1
 
 
-def test_what_is_lost_with_the_power_is_written_without_going_limp(bench: Bench) -> None:
+def test_ram_setting_is_written_without_relaxing(bench: Bench) -> None:
     bench.servo.set("torque_enable", 1)
     assert bench.set(led=1) is False
     assert bench.servo.get("led") == bench.servo.get("torque_enable") == 1
@@ -90,7 +90,7 @@ def test_values_with_a_sign_are_written_and_verified() -> None:
     assert bench.servo.get("homing_offset") == -1000
 
 
-def test_all_that_is_wrong_with_a_wish_is_said_at_once(bench: Bench) -> None:
+def test_all_faults_of_settings_are_reported_together(bench: Bench) -> None:
     with pytest.raises(BadRequest) as caught:
         bench.plan(return_delay=255, model_number=3, temprature_limit=60, status_return_level=0)
     message = str(caught.value)
@@ -117,7 +117,7 @@ def test_torque_is_not_switched_on_over_an_old_goal(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_no_servo_is_told_to_go_as_fast_as_it_can(name: str) -> None:
+def test_speed_zero_is_refused_in_joint_mode(name: str) -> None:
     bench = Bench(name)
     speed = bench.model.table.speed
     bench.servo.set(speed, 100)
@@ -125,14 +125,14 @@ def test_no_servo_is_told_to_go_as_fast_as_it_can(name: str) -> None:
         bench.plan(**{speed: 0})
 
 
-def test_a_servo_that_turns_a_wheel_can_be_told_to_stand_still(bench: Bench) -> None:
+def test_speed_zero_is_accepted_in_wheel_mode(bench: Bench) -> None:
     bench.servo.set("cw_angle_limit", 0)
     bench.servo.set("ccw_angle_limit", 0)
     bench.servo.set("moving_speed", 100)
     assert named(bench.plan(moving_speed=0)) == [("moving_speed", 100, 0)]
 
 
-def test_a_servo_is_not_sent_where_its_table_would_not_fit() -> None:
+def test_protocol_change_is_refused() -> None:
     with pytest.raises(BadRequest, match="protocol must stay at 2"):
         Bench("XL430-W250").plan(protocol=1)
 
@@ -145,13 +145,13 @@ def test_a_new_id_comes_last_and_is_verified_where_the_servo_answers_then(name: 
     assert (bench.servo.get("id"), bench.servo.get("return_delay")) == (7, 0)
 
 
-def test_an_id_that_is_taken_is_refused(bench: Bench) -> None:
+def test_taken_id_is_refused(bench: Bench) -> None:
     with pytest.raises(BadRequest, match=r"servo 1 cannot become 2"):
         bench.plan(id=2)
     assert bench.servo.get("id") == 1
 
 
-def test_an_id_that_two_servos_share_already_is_taken() -> None:
+def test_id_shared_by_two_servos_is_taken() -> None:
     ax, rx = VirtualServo(5, model="AX-12A"), VirtualServo(5, model="RX-64")
     wired = Wired(VirtualServoBus([VirtualServo(1), ax, rx]))
     with pytest.raises(BadRequest, match="cannot become 5"):
@@ -159,7 +159,7 @@ def test_an_id_that_two_servos_share_already_is_taken() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_an_id_that_was_taken_after_the_plan_is_refused(name: str) -> None:
+def test_id_taken_after_the_plan_is_refused(name: str) -> None:
     bench = Bench(name)
     changes = bench.plan(id=9, return_delay=0)
     bench.other.set("id", 9)  # as plugged in while a person reads the question
@@ -210,19 +210,17 @@ def test_each_register_in_ram_is_known_to_change_the_force_or_not() -> None:
         ("led", 1, 0, False),
     ],
 )
-def test_a_change_says_whether_the_servo_holds_with_less_force(
-    name: str, before: int, after: int, weakens: bool
-) -> None:
+def test_change_knows_if_it_weakens_the_servo(name: str, before: int, after: int, weakens: bool) -> None:
     registers = {row.name: row for model in MODELS.values() for row in model.table.registers.values()}
     assert RegisterChange(registers[name], before, after).weakens is weakens
 
 
-def test_keeping_its_own_id_is_no_collision(bench: Bench) -> None:
+def test_own_id_is_not_taken(bench: Bench) -> None:
     assert not bench.plan(id=1)
 
 
 @pytest.mark.parametrize(("name", "code", "baud"), [("AX-12A", 3, 500_000), ("XM430-W350", 1, 57_600)])
-def test_a_new_rate_is_verified_at_that_rate_and_the_bus_keeps_its_own(name: str, code: int, baud: int) -> None:
+def test_new_baud_rate_is_verified_and_the_bus_keeps_its_own(name: str, code: int, baud: int) -> None:
     bench = Bench(name)
     assert [row[0] for row in named(bench.plan(baud=code, id=9, return_delay=0))] == ["return_delay", "id", "baud"]
     bench.set(baud=code, id=9, return_delay=0)
@@ -234,7 +232,7 @@ def test_a_new_rate_is_verified_at_that_rate_and_the_bus_keeps_its_own(name: str
         bench.bus.ping(ServoAddress(9, bench.model.protocol))
 
 
-def test_a_rate_that_the_adapter_cannot_run_at_is_found_out_before_anything_is_written(bench: Bench) -> None:
+def test_unsupported_adapter_rate_is_detected_before_any_write(bench: Bench) -> None:
     bench.wired.beyond = {500_000}
     changes = bench.plan(baud=3, return_delay=0)
     with pytest.raises(NotConnected):
@@ -243,7 +241,7 @@ def test_a_rate_that_the_adapter_cannot_run_at_is_found_out_before_anything_is_w
     assert bench.bus.baud == 1_000_000
 
 
-def test_a_locked_servo_says_how_to_unlock_it(bench: Bench) -> None:
+def test_locked_servo_gives_a_hint(bench: Bench) -> None:
     bench.servo.set("lock", 1)
     with pytest.raises(BadRequest, match="locked") as caught:
         bench.set(return_delay=0)
@@ -252,14 +250,14 @@ def test_a_locked_servo_says_how_to_unlock_it(bench: Bench) -> None:
     bench.set(led=1)
 
 
-def test_a_servo_that_keeps_its_old_value_is_a_fault(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unchanged_setting_after_a_write_is_a_fault(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     changes = bench.plan(return_delay=0, temperature_limit=60)
     monkeypatch.setattr(bench.bus, "write", lambda *_: None)
     with pytest.raises(DeviceFault, match="servo 1: return_delay holds 250 after 0"):
         apply_changes(bench.bus, bench.at, bench.model.table, changes)
 
 
-def test_a_servo_whose_torque_stays_on_is_not_written_to(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_servo_whose_torque_stays_on_is_not_written(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.servo.set("torque_enable", 1)
     changes = bench.plan(return_delay=0)
     monkeypatch.setattr(bench.bus, "write", lambda *_: None)
@@ -268,20 +266,20 @@ def test_a_servo_whose_torque_stays_on_is_not_written_to(bench: Bench, monkeypat
     assert bench.servo.get("return_delay") == 250
 
 
-def test_writes_that_are_not_acknowledged_are_verified_all_the_same(bench: Bench) -> None:
+def test_unacknowledged_writes_are_verified(bench: Bench) -> None:
     bench.servo.set("status_return_level", 1)
     bench.set(return_delay=0, temperature_limit=60)
     assert (bench.servo.get("return_delay"), bench.servo.get("temperature_limit")) == (0, 60)
 
 
-def test_a_servo_that_is_gone_in_between_is_said_to_be(bench: Bench) -> None:
+def test_servo_lost_before_the_write_is_reported(bench: Bench) -> None:
     changes = bench.plan(return_delay=0)
     bench.servo.present = False
     with pytest.raises(NoReply, match="servo 1"):
         apply_changes(bench.bus, bench.at, bench.model.table, changes)
 
 
-def test_after_a_failure_the_plan_tells_what_is_left(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plan_after_a_failure_lists_the_remaining_changes(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     wanted = {"return_delay": 0, "lowest_voltage": 90}
     changes = bench.plan(**wanted)
     write = bench.bus.write

@@ -124,7 +124,7 @@ def hold(arm: Quiet, chance: Random) -> None:
 
 
 @pytest.mark.parametrize("begin", [move, follow, hold])
-def test_whenever_its_program_falls_silent_the_arm_is_at_rest_within_half_a_second(begin: Begin) -> None:
+def test_arm_rests_within_half_a_second_of_program_silence(begin: Begin) -> None:
     chance = Random(15)  # noqa: S311 - chance, not a secret
     took = []
     for _ in range(tries(12, most=40)):
@@ -153,7 +153,7 @@ def test_a_very_slow_joint_ends_within_a_degree_or_two() -> None:
         assert min(ways) > 0.0, speed
 
 
-def test_a_joint_beyond_its_limits_is_held_at_them_and_not_by_one_long_way() -> None:
+def test_joint_far_beyond_its_limits_is_returned_in_steps() -> None:
     arm = Quiet("AX-12A", lower=-0.2, upper=0.2, speed=1.0)
     arm.servo().turn_by_hand(2.0)
     arm.run(0.1)
@@ -168,7 +168,7 @@ def test_a_joint_beyond_its_limits_is_held_at_them_and_not_by_one_long_way() -> 
 
 
 @pytest.mark.parametrize("rate", [100.0, 20.0, 5.0])
-def test_a_move_goes_on_evenly_as_fast_as_it_was_told_and_arrives(rate: float) -> None:
+def test_move_is_even_and_at_its_commanded_speed(rate: float) -> None:
     for speed in (0.5, 2.0, 4.0):
         arm = Quiet(rate=rate)
         arm.joints.hold()
@@ -195,7 +195,7 @@ def test_goals_on_the_way_take_little_of_the_wire() -> None:
     assert 5 <= len(together) <= 12
 
 
-def test_a_burden_that_keeps_a_joint_back_meets_more_force_but_never_the_whole_way() -> None:
+def test_loaded_joint_gets_more_force_but_no_distant_goal() -> None:
     arm = Quiet("AX-12A")
     arm.joints.hold()
     arm.joints.move({"a": 2.0}, speeds={"a": radians(10)})
@@ -211,7 +211,7 @@ def test_a_burden_that_keeps_a_joint_back_meets_more_force_but_never_the_whole_w
     assert servo.angle == pytest.approx(2.0, abs=servo.model.tick)
 
 
-def test_stopped_and_let_go_on_the_arm_goes_on_where_it_rests_and_leaps_nowhere() -> None:
+def test_resumed_program_continues_the_move_without_a_jump() -> None:
     arm = Quiet()
     arm.joints.hold()
     arm.joints.move(dict.fromkeys("abc", 2.0), speeds=dict.fromkeys("abc", 1.0))
@@ -225,7 +225,7 @@ def test_stopped_and_let_go_on_the_arm_goes_on_where_it_rests_and_leaps_nowhere(
     assert arm.angles() == pytest.approx([2.0] * 3, abs=0.006)
 
 
-def test_a_move_told_by_a_program_that_had_stopped_waits_for_news_of_where_the_joints_are() -> None:
+def test_move_after_a_stopped_program_waits_for_readings() -> None:
     arm = Quiet()
     arm.joints.hold()
     arm.run(0.1)
@@ -237,7 +237,7 @@ def test_a_move_told_by_a_program_that_had_stopped_waits_for_news_of_where_the_j
     assert arm.servo().angle == pytest.approx(1.0, abs=0.006)
 
 
-def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() -> None:
+def test_unplugged_arm_rests_and_is_held_when_replugged() -> None:
     arm = Quiet()
     arm.joints.hold()
     arm.joints.move(dict.fromkeys("abc", 2.0), speeds=dict.fromkeys("abc", 1.0))
@@ -253,7 +253,7 @@ def test_unplugged_the_arm_rests_on_its_way_and_is_held_there_when_it_is_back() 
     assert arm.angles() == pytest.approx(rested, abs=0.006)
 
 
-def test_a_reading_that_is_older_than_the_leg_does_not_say_that_the_joint_labours() -> None:
+def test_reading_older_than_the_setpoint_does_not_count_as_lag() -> None:
     joint = Joint("a", JointSpec(1), MODELS_BY_NAME["AX-12A"], goal=1.0, speed=0.2, setpoint_sent_at=0.9, torque=True)
     joint.setpoint = joint.ticks(0.06)
 

@@ -50,7 +50,7 @@ def test_every_part_is_played_by_a_register_of_the_table(table: ControlTable) ->
 
 
 @each("table", EVERY)
-def test_each_round_reads_what_a_joint_must_know(table: ControlTable) -> None:
+def test_fast_and_slow_blocks_cover_the_needed_registers(table: ControlTable) -> None:
     wanted = [table["present_position"], table[table.velocity], table[table.effort], table["moving"]]
     assert all(within(register, table.fast_block) for register in wanted)
     rest = [table[name] for name in ("torque_enable", "present_voltage", "present_temperature")]
@@ -71,7 +71,7 @@ def test_no_block_cuts_a_register_in_two(table: ControlTable) -> None:
 
 
 @each("table", EVERY)
-def test_a_goal_and_its_speed_are_side_by_side(table: ControlTable) -> None:
+def test_goal_and_speed_registers_are_adjacent(table: ControlTable) -> None:
     goal, speed = sorted((table[table.goal], table[table.speed]), key=lambda register: register.address)
     between = [row for row in table.registers.values() if goal.end <= row.address < speed.address]
     assert goal.end + sum(row.size for row in between) == speed.address
@@ -88,7 +88,7 @@ def test_the_default_and_both_bounds_fit_their_register(register: Register) -> N
 
 
 @each("model", MODELS.values())
-def test_what_a_model_differs_in_is_within_its_table(model: ServoModel) -> None:
+def test_model_defaults_are_within_register_bounds(model: ServoModel) -> None:
     for name, value in model.defaults.items():
         register = model.table[name]
         assert not register.writable or register.lower <= value <= register.upper, name
@@ -145,12 +145,12 @@ def test_what_a_model_differs_in_is_within_its_table(model: ServoModel) -> None:
         ("TABLE_STS", "present_current", 69, 2),
     ],
 )
-def test_registers_stand_where_the_manual_says(table: str, name: str, address: int, size: int) -> None:
+def test_register_addresses_match_the_manual(table: str, name: str, address: int, size: int) -> None:
     register = TABLES[table][name]
     assert (register.address, register.size) == (address, size)
 
 
-def test_a_table_leaves_out_what_its_servos_lack() -> None:
+def test_tables_omit_registers_that_their_servos_lack() -> None:
     assert "cw_compliance_slope" not in tables.TABLE_MX
     assert "ccw_compliance_slope" not in tables.TABLE_MX
     assert "drive_mode" not in tables.TABLE_MX_CURRENT
@@ -159,7 +159,7 @@ def test_a_table_leaves_out_what_its_servos_lack() -> None:
     assert "acceleration_limit" not in tables.TABLE_X_CURRENT
 
 
-def test_an_ax_keeps_its_own_rows() -> None:
+def test_ax_table_has_its_own_limits() -> None:
     assert tables.TABLE_AX["goal_position"] is tables.GOAL_POSITION
     assert tables.GOAL_POSITION.upper == 1023
     assert tables.TABLE_EX["goal_position"].upper == tables.TABLE_EX["ccw_angle_limit"].default == 4095
@@ -176,7 +176,7 @@ def test_the_clockwise_bit_alone_is_standstill() -> None:
     assert tables.MOVING_SPEED.decode(b"\x00\x04", 32) == 0
 
 
-def test_more_than_ten_bits_are_not_cut_down_to_a_value_that_would_pass() -> None:
+def test_values_beyond_ten_bits_decode_out_of_bounds() -> None:
     assert tables.MOVING_SPEED.decode(b"\x00\x08", 32) > tables.MOVING_SPEED.upper
     assert tables.MOVING_SPEED.decode(b"\xff\xff", 32) < tables.MOVING_SPEED.lower
 
@@ -190,7 +190,7 @@ def test_the_sign_of_an_sts_is_bit_fifteen(value: int, name: str) -> None:
 
 
 @given(st.integers(-2047, 2047))
-def test_but_that_of_its_offset_is_bit_eleven_and_that_of_its_load_bit_ten(value: int) -> None:
+def test_sts_sign_bits_are_bit_11_for_offset_and_bit_10_for_load(value: int) -> None:
     offset, load = (tables_sts.TABLE_STS[name] for name in ("position_offset", "present_load"))
     assert int.from_bytes(offset.encode(value), "little") == abs(value) + (2048 if value < 0 else 0)
     assert offset.decode(offset.encode(value), offset.address) == value
@@ -218,12 +218,12 @@ def test_positions_of_protocol_2_are_in_twos_complement(value: int) -> None:
         (tables_sts.TABLE_STS["goal_position"], -32_768),
     ],
 )
-def test_a_value_that_does_not_fit_is_not_coded(register: Register, value: int) -> None:
+def test_value_that_does_not_fit_raises_overflow_error(register: Register, value: int) -> None:
     with pytest.raises(OverflowError):
         register.encode(value)
 
 
-def test_a_bus_watchdog_that_has_fired_reads_minus_one() -> None:
+def test_fired_bus_watchdog_reads_minus_one() -> None:
     assert tables.TABLE_X["bus_watchdog"].decode(b"\xff", 98) == -1
 
 
@@ -231,19 +231,19 @@ def test_a_bus_watchdog_that_has_fired_reads_minus_one() -> None:
     ("asked", "meant"),
     [("Return Delay", "return_delay"), ("goal-position", "goal_position"), ("temprature_limit", "temperature_limit")],
 )
-def test_a_misspelt_register_says_what_may_be_meant(asked: str, meant: str) -> None:
+def test_misspelt_register_gives_a_suggestion(asked: str, meant: str) -> None:
     with pytest.raises(BadRequest, match=asked) as caught:
         tables.TABLE_AX.find_register(asked)
     assert meant in caught.value.hint
 
 
-def test_a_register_that_resembles_none_lists_them_all() -> None:
+def test_unknown_register_lists_all_registers() -> None:
     with pytest.raises(BadRequest) as caught:
         tables.TABLE_AX.find_register("zzz")
     assert all(name in caught.value.hint for name in tables.TABLE_AX.registers)
 
 
-def test_a_register_is_found_by_its_name() -> None:
+def test_register_is_found_by_name() -> None:
     assert tables.TABLE_X.find_register("goal_pwm").address == 100
     assert "goal_pwm" in tables.TABLE_X
     assert "goal_pwm" not in tables.TABLE_AX

@@ -117,7 +117,7 @@ class Hand:
 
 
 @BOTH
-def test_a_moving_joint_that_missed_the_word_to_all_is_stopped_all_the_same(model: str) -> None:
+def test_moving_joint_is_stopped_although_the_sync_write_is_lost(model: str) -> None:
     arm = Hand(model)
     arm.run()
     arm.joints.move({"a": 1.5}, speeds={"a": 1.0})
@@ -132,7 +132,7 @@ def test_a_moving_joint_that_missed_the_word_to_all_is_stopped_all_the_same(mode
 
 
 @BOTH
-def test_a_limp_joint_that_missed_the_word_to_all_does_not_leap_to_its_old_goal(model: str) -> None:
+def test_limp_joint_does_not_jump_if_the_sync_write_is_lost(model: str) -> None:
     arm = Hand(model)
     arm.run()
     arm.joints.move({"a": 0.8})
@@ -148,7 +148,7 @@ def test_a_limp_joint_that_missed_the_word_to_all_does_not_leap_to_its_old_goal(
 
 
 @BOTH
-def test_no_torque_comes_on_while_its_goal_is_not_confirmed_which_is_told_once_and_made_good(model: str) -> None:
+def test_torque_stays_off_until_the_goal_is_confirmed(model: str) -> None:
     arm = Hand(model)
     arm.run()
     arm.joints.move({"a": 0.8})
@@ -170,7 +170,7 @@ def test_no_torque_comes_on_while_its_goal_is_not_confirmed_which_is_told_once_a
     assert arm.faults() == ["could not be held: a (servo 1)"]
 
 
-def test_a_joint_that_did_not_hear_that_it_is_to_be_limp_is_told_again() -> None:
+def test_joint_that_missed_relax_is_relaxed_again() -> None:
     arm = Hand("AX-12A", "AX-12A")
     arm.run()
     arm.joints.move({"a": 0.3, "b": 0.3})
@@ -188,7 +188,7 @@ def test_a_joint_that_did_not_hear_that_it_is_to_be_limp_is_told_again() -> None
 
 
 @BOTH
-def test_a_joint_that_missed_its_goal_is_sent_there_within_about_a_second(model: str) -> None:
+def test_joint_that_missed_its_goal_gets_the_goal_again(model: str) -> None:
     arm = Hand(model)
     arm.run()
     arm.joints.hold()
@@ -204,7 +204,7 @@ def test_a_joint_that_missed_its_goal_is_sent_there_within_about_a_second(model:
 
 
 @pytest.mark.parametrize("at_rest", ["hold", "relax"])
-def test_joints_that_rest_are_not_said_to_have_refused_because_replies_were_late(
+def test_late_replies_at_rest_are_not_reported_as_refusals(
     at_rest: Literal["hold", "relax"],
 ) -> None:
     for share in (0.3, 0.6, 0.8):
@@ -226,7 +226,7 @@ def test_joints_that_rest_are_not_said_to_have_refused_because_replies_were_late
             assert [servo.angle for servo in arm.chain.servos] == pytest.approx(before, abs=0.05)
 
 
-def test_at_rest_joints_that_had_fallen_silent_are_looked_for_before_anybody_is_alarmed() -> None:
+def test_silent_joints_are_pinged_before_a_fault_at_rest() -> None:
     for at_rest in ("hold", "relax"):
         arm = Hand("AX-12A", "XL430-W250", at_rest="hold" if at_rest == "hold" else "relax")
         arm.run()
@@ -242,7 +242,7 @@ def test_at_rest_joints_that_had_fallen_silent_are_looked_for_before_anybody_is_
         assert [servo.limp for servo in arm.chain.servos] == [at_rest == "relax"] * 2
 
 
-def test_at_rest_one_that_stays_silent_is_not_said_to_move_on_for_it_rests_by_itself() -> None:
+def test_silent_joint_at_rest_is_reported_as_unconfirmed() -> None:
     arm = Hand("AX-12A", "XL430-W250")
     arm.run()
     arm.joints.move({"a": 1.5, "b": 1.5}, speeds={"a": 1.0, "b": 1.0})
@@ -268,7 +268,7 @@ def test_whoever_is_held_up_before_a_request_has_left_does_not_miss_the_reply() 
 # --- servos that are not what they should be any more -----------------------------------------------------------------
 
 
-def test_at_rest_a_servo_is_relaxed_though_its_settings_have_changed() -> None:
+def test_resting_arm_relaxes_a_servo_with_changed_settings() -> None:
     arm = Hand("AX-12A", "AX-12A", at_rest="relax")
     arm.run()
     arm.joints.move({"a": 0.2, "b": 0.2})
@@ -281,7 +281,7 @@ def test_at_rest_a_servo_is_relaxed_though_its_settings_have_changed() -> None:
     assert arm.faults() == []
 
 
-def test_one_whose_settings_have_changed_and_that_cannot_be_relaxed_is_named_and_told_again() -> None:
+def test_servo_with_changed_settings_that_stays_stiff_is_reported() -> None:
     arm = Hand("AX-12A", "AX-12A", at_rest="relax")
     arm.run()
     arm.joints.move({"a": 0.2, "b": 0.2})
@@ -297,7 +297,7 @@ def test_one_whose_settings_have_changed_and_that_cannot_be_relaxed_is_named_and
     assert arm.servo(2).limp
 
 
-def test_one_whose_settings_have_changed_cannot_be_held_and_is_named() -> None:
+def test_servo_with_changed_settings_cannot_be_held() -> None:
     arm = Hand("AX-12A", "AX-12A")
     arm.run()
     arm.joints.move({"a": 0.2, "b": 0.2})
@@ -307,7 +307,7 @@ def test_one_whose_settings_have_changed_cannot_be_held_and_is_named() -> None:
     assert arm.faults() == ["could not be held: b (servo 2)"]
 
 
-def test_one_that_was_never_as_it_should_be_is_left_alone_at_rest() -> None:
+def test_never_valid_servo_is_left_alone_at_rest() -> None:
     arm = Hand("AX-12A", "AX-12A", at_rest="relax")
     arm.servo(2).set("model_number", 18)
     arm.servo(2).set("torque_enable", 1)
@@ -318,7 +318,7 @@ def test_one_that_was_never_as_it_should_be_is_left_alone_at_rest() -> None:
     assert arm.faults() == []
 
 
-def test_a_bus_that_goes_while_the_first_servo_becomes_stiff_leaves_that_one_named_at_rest() -> None:
+def test_bus_lost_during_hold_names_the_stiff_servo_at_rest() -> None:
     arm = Hand("AX-12A", "AX-12A")
     arm.joints.hold()
     assert arm.faults() == []
@@ -331,7 +331,7 @@ def test_a_bus_that_goes_while_the_first_servo_becomes_stiff_leaves_that_one_nam
 
 
 @pytest.mark.parametrize("stiff", [False, True])
-def test_a_servo_that_was_left_in_torque_mode_goes_to_positions_again_and_does_not_leap(*, stiff: bool) -> None:
+def test_servo_left_in_torque_mode_returns_to_position_mode_without_a_jump(*, stiff: bool) -> None:
     arm = Hand("MX-64", lower=-1.0, upper=1.0)
     servo = arm.servo()
     servo.turn_by_hand(0.4)
@@ -366,7 +366,7 @@ def fastest_far_off(arm: Hand, seconds: float) -> float:
     return found
 
 
-def test_a_follower_that_is_far_off_is_brought_over_slowly_then_follows_at_its_limit() -> None:
+def test_distant_follower_approaches_slowly_and_then_at_its_limit() -> None:
     arm = Hand("AX-12A", "AX-12A", speed=4.0)
     arm.run()
     arm.servo(1).turn_by_hand(1.0)
@@ -380,7 +380,7 @@ def test_a_follower_that_is_far_off_is_brought_over_slowly_then_follows_at_its_l
     assert fastest_far_off(arm, 1.0) > 2 * MAX_APPROACH_SPEED
 
 
-def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over_slowly_again() -> None:
+def test_followers_approach_slowly_again_after_a_disconnect() -> None:
     patient = ReconnectPolicy(
         decide_after=30.0, latch_after=60.0
     )  # what is tried here is how followers come over, not the rule for absences
@@ -404,7 +404,7 @@ def test_after_a_lost_bus_or_a_leader_that_was_silent_followers_are_brought_over
     assert arm.servo(2).angle == pytest.approx(0.0, abs=FOLLOWING_TOLERANCE / 2)
 
 
-def test_a_follower_that_had_shut_down_is_brought_over_slowly_when_it_recovers() -> None:
+def test_recovered_follower_approaches_slowly() -> None:
     arm = Hand("AX-12A", "AX-12A", speed=4.0)
     arm.run()
     arm.joints.follow([Coupling("a", "b")])
@@ -418,7 +418,7 @@ def test_a_follower_that_had_shut_down_is_brought_over_slowly_when_it_recovers()
     assert 0.8 * MAX_APPROACH_SPEED < fastest_far_off(arm, 2.0) < 1.1 * MAX_APPROACH_SPEED
 
 
-def test_a_joint_that_was_away_is_brought_over_slowly_by_whoever_decides_anew() -> None:
+def test_reconnected_joint_approaches_the_next_goal_slowly() -> None:
     arm = Hand("AX-12A", speed=4.0)
     arm.run()
     arm.joints.move({"a": 0.2})
@@ -436,7 +436,7 @@ def test_a_joint_that_was_away_is_brought_over_slowly_by_whoever_decides_anew() 
     assert arm.servo(1).angle == pytest.approx(1.2, abs=FOLLOWING_TOLERANCE)
 
 
-def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no_more(
+def test_goal_requested_before_a_reconnect_is_dropped(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     arm = Hand("AX-12A", "AX-12A", speed=4.0)
@@ -462,7 +462,7 @@ def test_a_goal_of_a_stream_that_was_asked_before_the_joint_was_back_moves_it_no
     assert arm.servo(2).angle == pytest.approx(1.2, abs=FOLLOWING_TOLERANCE)
 
 
-def test_who_holds_the_arm_has_the_wire_before_the_next_joint_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hold_takes_priority_over_the_next_reading(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "drivers.servos.driver.COMMAND_PRIORITY_TIMEOUT", 60.0
     )  # in real time, however slow the machine is

@@ -55,9 +55,7 @@ CASES = [
 
 
 @pytest.mark.parametrize(("name", "spoil", "words", "fix"), CASES)
-def test_a_servo_that_cannot_be_driven_is_told_with_what_helps(
-    make: Make, name: str, spoil: Spoil, words: str, fix: str
-) -> None:
+def test_undriven_servo_is_reported_with_a_hint(make: Make, name: str, spoil: Spoil, words: str, fix: str) -> None:
     good, bad = VirtualServo(1, model=name), VirtualServo(2, model=name)
     spoil(bad)
     specs = {"good": JointSpec(1, name, lower=-1.0, upper=1.0), "bad": JointSpec(2, name, lower=-1.0, upper=1.0)}
@@ -76,7 +74,7 @@ def test_a_servo_that_cannot_be_driven_is_told_with_what_helps(
     "spoil",
     [setting(operating_mode=4, homing_offset=-1023), setting(operating_mode=5, homing_offset=512, drive_mode=1)],
 )
-def test_a_dynamixel_that_lerobot_calibrated_is_left_to_it(make: Make, spoil: Spoil) -> None:
+def test_dynamixel_calibrated_by_lerobot_is_not_changed(make: Make, spoil: Spoil) -> None:
     servo = VirtualServo(2, model="XL430-W250")
     spoil(servo)
     arm = make({"elbow": JointSpec(2, "XL430-W250", lower=-1.0, upper=1.0)}, servos=VirtualServoBus([servo])).start()
@@ -101,7 +99,7 @@ def test_the_file_of_lerobot_is_named_for_a_dynamixel_too(
     assert f"LeRobot has calibrated it ({file})" in arm.joints.health().hint
 
 
-def test_two_servos_with_one_id_are_left_alone_until_one_is_unplugged(make: Make) -> None:
+def test_servos_with_duplicate_ids_are_not_driven_until_unplugged(make: Make) -> None:
     one, other = VirtualServo(1, angle=0.2), VirtualServo(1, angle=0.7)
     arm = make({"elbow": JointSpec(1), "wrist": JointSpec(2)}, servos=VirtualServoBus([one, other, VirtualServo(2)]))
     arm.start()
@@ -117,7 +115,7 @@ def test_two_servos_with_one_id_are_left_alone_until_one_is_unplugged(make: Make
     arm.until(lambda: arm.at("elbow", 0.0))
 
 
-def test_a_servo_whose_answers_are_damaged_by_another_is_told(make: Make) -> None:
+def test_damaged_replies_are_reported_as_duplicate_ids(make: Make) -> None:
     servos = VirtualServoBus([VirtualServo(1), VirtualServo(1, model="AX-18A"), VirtualServo(2)])
     arm = make({"elbow": JointSpec(1), "wrist": JointSpec(2)}, servos=servos).start()
     assert "sends damaged replies: it shares its ID" in arm.joints.health().detail

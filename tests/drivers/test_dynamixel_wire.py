@@ -74,7 +74,7 @@ def test_error_bits_have_names() -> None:
     assert not ServoFault(0).description
 
 
-def test_a_reply_carries_no_faults_that_protocol_1_does_not_know() -> None:
+def test_protocol_1_reply_drops_faults_unknown_to_the_protocol() -> None:
     assert status(1, ServoFault.OVERLOAD | ServoFault.SHOCK) == status(1, ServoFault.OVERLOAD)
 
 
@@ -92,7 +92,7 @@ def test_a_wrong_checksum_marks_the_packet_and_is_counted() -> None:
     assert parser.damaged_packets == 1
 
 
-def test_a_packet_that_was_cut_off_is_forgotten_on_reset() -> None:
+def test_reset_discards_a_partial_packet() -> None:
     parser = PacketParser()
     assert parser.feed(bytes.fromhex("FF FF 01 04 02")) == []
     parser.reset()
@@ -117,7 +117,7 @@ def test_packets_are_found_wherever_the_stream_is_cut(packets: list[Packet], cut
 
 
 @given(noise=st.binary(max_size=60).map(lambda data: data.replace(b"\xff", b"\x7f")), packet=packets)
-def test_noise_before_a_packet_costs_only_itself(noise: bytes, packet: Packet) -> None:
+def test_noise_before_a_packet_is_skipped(noise: bytes, packet: Packet) -> None:
     parser = PacketParser()
     assert parser.feed(noise + encoded(packet)) == [packet]
     assert parser.skipped_bytes == len(noise)
@@ -133,7 +133,7 @@ def test_even_false_headers_never_hide_a_packet_for_long(noise: bytes, packet: P
 
 
 @given(packet=packets, place=st.integers(0, 10**6), bit=st.integers(0, 7))
-def test_a_flipped_bit_never_makes_another_packet_of_the_same_shape(packet: Packet, place: int, bit: int) -> None:
+def test_flipped_bit_never_makes_another_packet_of_the_same_length(packet: Packet, place: int, bit: int) -> None:
     sound = [p for p in PacketParser().feed(flipped(packet, place, bit) + bytes(260)) if p.intact]
     assert all(len(p.parameters) != len(packet.parameters) for p in sound)
 
@@ -157,7 +157,7 @@ def test_a_length_wrong_by_one_or_two_can_make_a_longer_packet_together_with_the
 
 
 @given(data=st.binary(max_size=400), cut=st.integers(0, 400))
-def test_any_bytes_are_digested_the_same_however_they_arrive(data: bytes, cut: int) -> None:
+def test_parser_result_is_independent_of_chunking(data: bytes, cut: int) -> None:
     at_once, in_two = PacketParser(), PacketParser()
     found = at_once.feed(data)
     assert in_two.feed(data[:cut]) + in_two.feed(data[cut:]) == found

@@ -92,7 +92,7 @@ def test_a_published_reply_is_built_and_understood(golden: str, servo: int, erro
     assert PacketParser2().feed(frame) == [Packet(servo, STATUS, bytes((error,)) + data)]
 
 
-def test_the_error_byte_of_a_reply_says_why_and_whether_the_hardware_has_a_fault() -> None:
+def test_error_byte_is_decoded_into_faults() -> None:
     assert decode_error(0) == ServoFault(0)
     assert decode_error(Protocol2Error.ACCESS) == ServoFault.ACCESS
     assert decode_error(Protocol2Error.CRC) == ServoFault.CHECKSUM
@@ -107,7 +107,7 @@ def test_the_hardware_error_register_has_bits_with_names() -> None:
     assert decode_hardware_error(0b11000010) == ServoFault(0)  # bits without a meaning
 
 
-def test_the_crc_is_that_of_the_published_packets() -> None:
+def test_crc_matches_the_published_packets() -> None:
     assert crc(bytes.fromhex("FF FF FD 00 01 03 00 01")) == 0x4E19
     assert crc(b"") == 0
 
@@ -127,7 +127,7 @@ def test_a_packet_as_long_as_can_be_is_understood_however_much_is_stuffed() -> N
     ]
 
 
-def test_a_length_beyond_any_packet_does_not_hold_up_what_follows() -> None:
+def test_impossible_length_does_not_block_the_parser() -> None:
     false = bytes.fromhex("FF FF FD 00 01 FF FF 55")
     assert PacketParser2().feed(false + request(1, Protocol2Instruction.PING)) == [Packet(1, Protocol2Instruction.PING)]
 
@@ -146,7 +146,7 @@ def test_a_packet_of_protocol_1_is_none_of_protocol_2() -> None:
 
 
 @given(data=st.one_of(st.binary(max_size=60), tricky))
-def test_what_is_stuffed_has_no_header_and_comes_back_unchanged(data: bytes) -> None:
+def test_byte_stuffing_round_trips_without_a_header(data: bytes) -> None:
     assert unstuff(stuff(data)) == data
     assert b"\xff\xff\xfd\x00" not in stuff(data)
 
@@ -162,7 +162,7 @@ def test_packets_are_found_wherever_the_stream_is_cut(packets: list[Packet], cut
 
 
 @given(noise=st.one_of(st.binary(max_size=60), tricky), packet=packets)
-def test_noise_before_a_packet_costs_only_itself(noise: bytes, packet: Packet) -> None:
+def test_noise_before_a_packet_is_skipped(noise: bytes, packet: Packet) -> None:
     assume(b"\xff\xff\xfd\x00" not in noise + b"\xff\xff\xfd")
     parser = PacketParser2()
     assert parser.feed(noise + encoded(packet)) == [packet]
@@ -177,7 +177,7 @@ def test_even_false_headers_never_hide_a_packet_for_long(noise: bytes, packet: P
 
 
 @given(packet=packets, place=st.integers(0, 10**6), bit=st.integers(0, 7), more=st.lists(packets, max_size=2))
-def test_a_flipped_bit_never_makes_another_packet(packet: Packet, place: int, bit: int, more: list[Packet]) -> None:
+def test_flipped_bit_never_makes_another_packet(packet: Packet, place: int, bit: int, more: list[Packet]) -> None:
     damaged = bytearray(encoded(packet))
     damaged[place % len(damaged)] ^= 1 << bit
     assert not [p for p in PacketParser2().feed(bytes(damaged)) if p.intact]
@@ -186,7 +186,7 @@ def test_a_flipped_bit_never_makes_another_packet(packet: Packet, place: int, bi
 
 
 @given(data=st.one_of(st.binary(max_size=400), tricky), cut=st.integers(0, 400))
-def test_any_bytes_are_digested_the_same_however_they_arrive(data: bytes, cut: int) -> None:
+def test_parser_result_is_independent_of_chunking(data: bytes, cut: int) -> None:
     at_once, in_two = PacketParser2(), PacketParser2()
     found = at_once.feed(data)
     assert in_two.feed(data[:cut]) + in_two.feed(data[cut:]) == found

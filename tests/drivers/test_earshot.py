@@ -18,13 +18,13 @@ def listeners(world: SimulatedWorld, *at: float) -> tuple[str, ...]:
 
 
 @given(st.floats(0.3, 9.0), st.floats(0.5, 9.0))
-def test_people_hear_as_far_as_they_can(x: float, reach: float) -> None:
+def test_hearing_range_of_people_is_limited(x: float, reach: float) -> None:
     world = SimulatedWorld(HALL, (Person("Anna", x=x, hears_within=reach),))
     assert listeners(world, 0.0, 0.0) == (("Anna",) if x <= reach else ())
     assert world.is_audible("Anna", 0.0, (0.0, 0.0)) is (x <= EARSHOT)
 
 
-def test_without_a_place_everybody_hears() -> None:
+def test_speech_without_a_position_is_heard_by_all() -> None:
     world = SimulatedWorld(HALL, (Person("Anna", x=14.0),))
     world.deliver_speech("hello", 0.0)
     assert world.utterances[-1].listeners == ("Anna",)
@@ -38,20 +38,20 @@ def test_a_wall_keeps_words_from_both_sides_and_a_low_one_does_not() -> None:
     assert listeners(SimulatedWorld(HALL, anna, walls=(low,)), 0.0, 0.0) == ("Anna",)
 
 
-def test_who_walks_hears_where_they_are_then() -> None:
+def test_walking_person_hears_at_the_present_position() -> None:
     world = SimulatedWorld(HALL, (Person("Anna", x=8.0, path=((1.0, 0.0),), speed=1.0, loop=False),))
     world.deliver_speech("hello", 1.0, (0.0, 0.0))
     world.deliver_speech("hello", 5.0, (0.0, 0.0))
     assert [heard.listeners for heard in world.utterances] == [(), ("Anna",)]
 
 
-def test_who_does_not_hear_does_not_answer() -> None:
+def test_person_out_of_earshot_does_not_reply() -> None:
     world = SimulatedWorld(HALL, (Person("Anna", x=8.0, acts=(PersonAction(hears="hello", say="Hi"),)),))
     assert world.deliver_speech("hello", 0.0, (0.0, 0.0)) == ()
     assert [reply.text for reply in world.deliver_speech("hello", 0.0, (6.0, 0.0))] == ["Hi"]
 
 
-def test_an_act_is_done_so_many_times_and_another_always() -> None:
+def test_times_limits_the_repetitions_of_an_act() -> None:
     acts = (
         PersonAction(hears="message", say="Say it again", times=1),
         PersonAction(hears="message", after=2.0, say="Thank you"),
@@ -61,7 +61,7 @@ def test_an_act_is_done_so_many_times_and_another_always() -> None:
     assert [reply.text for reply in world.deliver_speech("a message", 9.0)] == ["Thank you"]
 
 
-def test_who_has_left_is_not_heard() -> None:
+def test_person_who_has_left_is_not_audible() -> None:
     world = SimulatedWorld(HALL, (Person("Anna", acts=(PersonAction(at=1.0, leave=True),), speed=5.0),))
     assert world.is_audible("Anna", 0.5, (0.0, 0.0))
     assert listeners(world, 0.0, 0.0) == ("Anna",)

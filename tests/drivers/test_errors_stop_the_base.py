@@ -74,7 +74,7 @@ class Driven:
 # --- the multiplexer --------------------------------------------------------------------------------------------------
 
 
-def test_a_guard_that_raises_stops_the_base_at_that_renewal_and_lets_it_go_on_afterwards() -> None:
+def test_exception_in_the_guard_stops_the_base_for_one_renewal() -> None:
     bench = Driven()
     assert bench.drive(0.5)[-1] == AHEAD
     bench.guard.broken = True
@@ -86,7 +86,7 @@ def test_a_guard_that_raises_stops_the_base_at_that_renewal_and_lets_it_go_on_af
     assert bench.drive(0.5)[-1] == AHEAD
 
 
-def test_a_command_that_ended_while_the_guard_raises_leaves_a_zero() -> None:
+def test_expired_command_during_a_guard_failure_leaves_zero() -> None:
     bench = Driven()
     bench.drive(0.5)
     bench.guard.broken = True
@@ -94,7 +94,7 @@ def test_a_command_that_ended_while_the_guard_raises_leaves_a_zero() -> None:
     assert bench.mux.fault is not None
 
 
-def test_a_failure_that_lasts_is_reported_again_but_not_at_each_renewal() -> None:
+def test_lasting_guard_failure_is_reported_at_intervals() -> None:
     bench = Driven()
     bench.guard.broken = True
     reported: list[MotionFault | None] = []
@@ -133,7 +133,7 @@ class Broken:
         return raising if callable(found) and name not in ("cancel_back_off", "drop", "release") else found
 
 
-def test_reflexes_that_raise_latch_the_base(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exception_in_the_reflexes_latches_the_base(monkeypatch: pytest.MonkeyPatch) -> None:
     bench = Driven()
     bench.drive(0.5)
     monkeypatch.setattr(bench.mux._safety, "update", raising)
@@ -181,7 +181,7 @@ def goes_on(rig: BaseRig, seconds: float) -> float:
     return places[-1] - places[15]
 
 
-def test_a_guard_that_raises_stops_every_base_and_is_reported(rig: BaseRig) -> None:
+def test_exception_in_the_guard_stops_every_base_with_a_report(rig: BaseRig) -> None:
     mux = under_way(rig)
     mux.guard = guard = BrokenGuard()
     guard.broken = True
@@ -204,7 +204,7 @@ def test_an_error_of_the_multiplexer_stops_every_base(rig: BaseRig, part: str, m
 
 
 @pytest.mark.parametrize("kind", [WireBase, Waveshare, WaveRover, PiCar, Topics])
-def test_a_report_that_cannot_be_read_stops_the_base_at_once(kind: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_report_stops_the_base_at_once(kind: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     rig = kind()
     rig.start()
     under_way(rig)
@@ -250,7 +250,7 @@ FULL = np.full(360, 3.0, np.float32)
         (scan(FULL, stamp=nan), "time nan"),
     ],
 )
-def test_a_scan_that_cannot_be_used_stops_the_base_by_name(made: Callable[[float], RangeScan], said: str) -> None:
+def test_unusable_scan_stops_the_base_with_a_reason(made: Callable[[float], RangeScan], said: str) -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
     numbers = iter(range(1, 10_000))

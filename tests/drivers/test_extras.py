@@ -9,7 +9,7 @@ from drivers import extras
 from drivers.extras import extra_hint
 
 
-def test_an_extra_that_lacks_a_part_is_suggested(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_extra_hint_suggests_the_incomplete_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(extras, "missing_distributions", lambda names: list(names)[:1])
     assert extra_hint("speak", "aplay -l") == "pip install 'missiontree[speak]'; aplay -l"
     assert extra_hint("speak") == "pip install 'missiontree[speak]'"
@@ -21,7 +21,7 @@ def test_an_installed_extra_is_not_suggested(monkeypatch: pytest.MonkeyPatch) ->
     assert extra_hint("speak") == ""
 
 
-def test_distributions_are_found_as_the_standard_library_finds_them() -> None:
+def test_installed_distributions_match_the_standard_library() -> None:
     named = {dist.metadata["Name"]: dist.version for dist in metadata.distributions()}
     assert {extras._normalized(name) for name in named} <= extras.installed_distributions().keys()
     assert extras._requirements() == metadata.requires("missiontree")

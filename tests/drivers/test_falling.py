@@ -51,7 +51,7 @@ def body(engine: WalkingEngine) -> Standing:
     return Standing(engine)
 
 
-def test_a_body_that_tips_over_is_seen_to_fall_before_it_leans_far(body: Standing) -> None:
+def test_fall_is_detected_before_the_body_leans_far(body: Standing) -> None:
     assert not body.feel(1.0, AttitudeEstimate(0.03, 0.05, 0.2, 0.2))
     lean = 0.05
     while not body.feel(CONTROL_INTERVAL, AttitudeEstimate(0.0, lean, 0.0, 3 * lean)):
@@ -65,18 +65,18 @@ def test_a_jerk_of_a_landing_foot_is_no_fall(body: Standing) -> None:
         assert not body.feel(0.03, AttitudeEstimate(0.1, 0.1))
 
 
-def test_a_body_that_sits_may_lean_until_it_lies(body: Standing) -> None:
+def test_sitting_body_may_lean_until_it_lies(body: Standing) -> None:
     assert not body.feel(1.0, AttitudeEstimate(0.0, 0.6), afoot=False)
     assert body.feel(CONTROL_INTERVAL, AttitudeEstimate(0.0, FALLEN_LEAN + 0.01), afoot=False)
 
 
-def test_a_body_that_was_put_up_again_stands(body: Standing) -> None:
+def test_raised_body_stands_again(body: Standing) -> None:
     assert body.feel(0.5, AttitudeEstimate(1.4, 0.0))
     assert body.feel(0.4, AttitudeEstimate(0.0, 0.0))
     assert not body.feel(0.2, AttitudeEstimate(0.0, 0.0))
 
 
-def test_legs_that_bear_nothing_any_more_have_fallen_until_they_bear_again(body: Standing) -> None:
+def test_unloaded_legs_count_as_fallen_until_loaded_again(body: Standing) -> None:
     assert not body.bear(5.0, 1.0)
     assert not body.bear(1.0, 0.0)  # a jump is no fall
     assert not body.bear(2.0, 0.6)
@@ -86,17 +86,17 @@ def test_legs_that_bear_nothing_any_more_have_fallen_until_they_bear_again(body:
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_legs_that_never_bore_anything_tell_nothing_whatever_their_noise(body: Standing, seed: int) -> None:
+def test_never_loaded_legs_detect_no_fall(body: Standing, seed: int) -> None:
     body.chance.seed(seed)
     assert not body.bear(15.0, 0.0)  # it hangs in a frame, or its servos are virtual
 
 
-def test_knees_that_only_told_their_own_friction_tell_nothing_when_that_is_gone(body: Standing) -> None:
+def test_vanishing_knee_friction_is_not_a_fall(body: Standing) -> None:
     assert not body.bear(5.0, 0.3)  # 0.05 of each, while they bend in a frame
     assert not body.bear(5.0, 0.0)
 
 
-def test_limp_legs_and_straight_knees_tell_nothing(body: Standing) -> None:
+def test_limp_legs_and_straight_knees_detect_no_fall(body: Standing) -> None:
     assert not body.bear(3.0, 1.0)
     assert not body.bear(5.0, 0.0, torque=False)
     body.angles = np.zeros(12)

@@ -21,7 +21,7 @@ def whole(pieces: list[tuple[float, bytes]]) -> bytes:
     return b"".join(data for _, data in pieces)
 
 
-def test_without_mishaps_a_reply_comes_as_it_is() -> None:
+def test_reply_without_faults_is_unchanged() -> None:
     injection = FaultInjection()
     assert injection.disturb(REPLY) == [(0.0, REPLY)]
     assert not injection.echoes()
@@ -29,7 +29,7 @@ def test_without_mishaps_a_reply_comes_as_it_is() -> None:
 
 
 @pytest.mark.parametrize("kind", [*KINDS, "echo"])
-def test_each_mishap_is_as_frequent_as_asked_and_counted(kind: str) -> None:
+def test_fault_rates_are_as_configured_and_counted(kind: str) -> None:
     injection = FaultInjection(seed=3, **{kind: 0.1})
     for _ in range(MANY):
         injection.disturb(REPLY)
@@ -38,7 +38,7 @@ def test_each_mishap_is_as_frequent_as_asked_and_counted(kind: str) -> None:
     assert injection.happened[kind] == pytest.approx(0.1 * MANY, rel=0.2)
 
 
-def test_each_mishap_is_what_it_says() -> None:
+def test_each_fault_kind_disturbs_as_named() -> None:
     assert arranged(FaultInjection(drop=1)) == [[]] * MANY
     for pieces in arranged(FaultInjection(flip=1)):
         differing = int.from_bytes(whole(pieces)) ^ int.from_bytes(REPLY)
@@ -66,7 +66,7 @@ def test_the_same_seed_makes_the_same_mishaps(seed: int, reply: bytes) -> None:
     assert [one.disturb(reply) for _ in range(5)] == [other.disturb(reply) for _ in range(5)]
 
 
-def test_a_chain_hands_out_each_piece_when_it_is_due() -> None:
+def test_chain_releases_each_fragment_when_due() -> None:
     bus = chain(1, injection=FaultInjection(seed=1, split=1, late=1))
     heard = bus.feed(request(1, Protocol1Instruction.PING), 10.0)
     times = []

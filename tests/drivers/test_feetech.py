@@ -69,7 +69,7 @@ def test_a_reading_of_many_is_answered_in_turn() -> None:
     assert answer == bytes.fromhex("FF FF 01 04 00 00 08 F2") + bytes.fromhex("FF FF 02 04 00 00 08 F1")
 
 
-def test_a_ping_to_all_collides_and_the_scan_asks_id_by_id() -> None:
+def test_broadcast_ping_collides_and_the_scan_pings_each_id() -> None:
     servos = chain(3, STS)
     assert len(servos.feed(bytes.fromhex("FF FF FE 02 01 FE"), 0.0)) == 6
     found = list(scan_bus(Wired(servos).bus(), [1_000_000], ids=range(5)))
@@ -77,7 +77,7 @@ def test_a_ping_to_all_collides_and_the_scan_asks_id_by_id() -> None:
     assert not any(row.has_damaged_replies for row in found)
 
 
-def test_dynamixels_and_feetechs_on_one_wire_are_told_apart_whoever_is_asked() -> None:
+def test_dynamixel_and_feetech_servos_on_one_wire_are_distinguished() -> None:
     bus = Wired(mixed_chain("AX-12A", STS, "MX-28", "XL330-M288")).bus()
     found = [(row.address.id, row.address.protocol, row.number) for row in scan_bus(bus, [1_000_000], ids=range(6))]
     assert sorted(found, key=str) == [(1, 1, 12), (2, "STS", 777), (3, 1, 29), (4, 2, 1200)]
@@ -90,7 +90,7 @@ def test_dynamixels_and_feetechs_on_one_wire_are_told_apart_whoever_is_asked() -
     assert [row.address.protocol for row in scan_bus(bus, [1_000_000], ["STS"], range(6))] == ["STS"]
 
 
-def test_an_ax_whose_table_begins_as_that_of_an_sts_is_an_ax() -> None:
+def test_ax_with_an_sts_like_table_is_identified_as_ax() -> None:
     servo = VirtualServo(9)
     chain = VirtualServoBus([servo], 500_000)  # 0C 00 18 09 03 09: number 777 and ID 9, where an STS has them
     servo.set("return_delay", 9)
@@ -100,7 +100,7 @@ def test_an_ax_whose_table_begins_as_that_of_an_sts_is_an_ax() -> None:
     assert bus.identify(ServoAddress(9, 1)).address == ServoAddress(9, 1)
 
 
-def test_what_the_protocol_lacks_is_said() -> None:
+def test_unsupported_sts_operations_are_refused() -> None:
     servo = VirtualServo(1, model=STS)
     bus, at = first(servo)
     with pytest.raises(BadRequest, match="the STS protocol has no bulk read"):
@@ -112,7 +112,7 @@ def test_what_the_protocol_lacks_is_said() -> None:
 # --- the EEPROM -------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_written_while_it_is_locked_is_lost_with_its_power() -> None:
+def test_write_to_a_locked_sts_is_lost_at_power_off() -> None:
     servo = VirtualServo(1, model=STS)
     bus, at = first(servo)
     bus.write(at, servo.model.table["temperature_limit"], 60)
@@ -140,7 +140,7 @@ def test_settings_are_written_unlocked_and_locked_again(wanted: dict[str, int]) 
     assert {name: servo.get(name) for name in wanted} == wanted
 
 
-def test_a_setting_that_does_not_hold_is_told_and_the_servo_is_locked_again() -> None:
+def test_rejected_setting_is_reported_and_the_servo_is_locked_again() -> None:
     servo = VirtualServo(1, model=STS)
     bus, at = first(servo)
     changes = plan_changes(bus, at, servo.model.table, {"temperature_limit": 60})
@@ -153,7 +153,7 @@ def test_a_setting_that_does_not_hold_is_told_and_the_servo_is_locked_again() ->
     assert servo.get("lock") == 1
 
 
-def test_its_offset_is_taken_off_what_it_shows_and_goals_are_in_what_it_shows() -> None:
+def test_position_offset_is_subtracted_from_positions_and_goals() -> None:
     servo = VirtualServo(1, model=STS, angle=radians(100))
     table = servo.model.table
     bus, at = first(servo)
@@ -173,7 +173,7 @@ def test_its_offset_is_taken_off_what_it_shows_and_goals_are_in_what_it_shows() 
 # --- the driver -------------------------------------------------------------------------------------------------------
 
 
-def test_an_old_goal_does_not_make_it_leap_when_it_is_opened_and_held(make: Make) -> None:
+def test_old_goal_in_the_servo_does_not_cause_a_jump_on_hold(make: Make) -> None:
     arm = six(make)
     for servo in arm.chain.servos:
         servo.set("goal_position", 3500)
@@ -184,7 +184,7 @@ def test_an_old_goal_does_not_make_it_leap_when_it_is_opened_and_held(make: Make
     assert all(servo.get("torque_enable") for servo in arm.chain.servos)
 
 
-def test_when_nobody_sends_it_on_it_is_at_rest_within_half_a_second(make: Make) -> None:
+def test_feetech_arm_rests_within_half_a_second_of_silence(make: Make) -> None:
     arm = six(make).start()
     arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
     arm.until(lambda: arm.state("elbow").position > 0.3)
@@ -197,7 +197,7 @@ def test_when_nobody_sends_it_on_it_is_at_rest_within_half_a_second(make: Make) 
     assert 0 < arm.chain.servo(3).angle - at <= LOOKAHEAD_TIME + 0.05
 
 
-def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make) -> None:
+def test_arm_replugged_in_mid_move_does_not_jump(make: Make) -> None:
     arm = six(make).start()
     arm.joints.move(dict.fromkeys(SIX, 1.5), speeds=dict.fromkeys(SIX, 1.0))
     arm.until(lambda: arm.state("elbow").position > 0.3)
@@ -219,7 +219,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_it_does_not_leap(make: Make)
     assert arm.told("flex (servo 4) stands at")
 
 
-def test_unplugged_at_any_moment_for_any_time_it_never_leaps(make: Make) -> None:
+def test_arm_unplugged_at_random_never_jumps(make: Make) -> None:
     chance = Random(19)  # noqa: S311 - chance, not a secret
     arm = six(make).start()
     before = [servo.angle for servo in arm.chain.servos]
@@ -254,7 +254,7 @@ def test_unplugged_at_any_moment_for_any_time_it_never_leaps(make: Make) -> None
         pass_by(0.6)
 
 
-def test_one_that_has_shut_down_is_let_go_lest_it_leaps_when_its_force_returns(make: Make) -> None:
+def test_overheated_servo_is_relaxed_and_does_not_jump(make: Make) -> None:
     arm = six(make).start()
     arm.joints.hold()
     elbow = arm.chain.servo(3)
@@ -268,7 +268,7 @@ def test_one_that_has_shut_down_is_let_go_lest_it_leaps_when_its_force_returns(m
     assert elbow.angle == pytest.approx(-1.0, abs=0.01)
 
 
-def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> None:
+def test_overload_lasts_until_recovery_in_place(make: Make) -> None:
     arm = six(make).start()
     arm.joints.move({"elbow": 0.5})
     elbow = arm.chain.servo(3)
@@ -300,7 +300,7 @@ def test_an_overload_lasts_until_it_is_recovered_where_it_stands(make: Make) -> 
         ("position_offset", 5, "has position offset 5, its calibration says 7: it was recalibrated"),
     ],
 )
-def test_one_that_is_set_up_otherwise_is_not_driven(register: str, value: int, words: str) -> None:
+def test_mismatched_feetech_servo_is_not_driven(register: str, value: int, words: str) -> None:
     servos = chain(1, STS)
     servos.servo(1).set(register, value)
     arm = Arm({"elbow": JointSpec(1, STS, offset=7 if register == "position_offset" else None)}, servos=servos)

@@ -56,7 +56,7 @@ def asked(port: SerialPortInfo, device: WireDevice | None, *, consent: bool = Fa
 # --- desk 1: two adapters alike ---------------------------------------------------------------------------------------
 
 
-def test_of_two_adapters_alike_each_is_called_by_its_socket(desk: RecordedMachine) -> None:
+def test_identical_adapters_are_named_by_their_usb_socket(desk: RecordedMachine) -> None:
     for name in ("ttyUSB0", "ttyUSB1"):
         desk.port(name, "1a86:55d3", by_id="usb-1a86_USB_Single_Serial-if00")
     one, other = find_serial_ports(desk.machine)
@@ -67,7 +67,7 @@ def test_of_two_adapters_alike_each_is_called_by_its_socket(desk: RecordedMachin
         assert "mission ports --find" in trouble.fix
 
 
-def test_one_alone_is_called_by_its_serial_number_and_a_rule_goes_before_that(desk: RecordedMachine) -> None:
+def test_single_adapter_is_named_by_its_serial_number_or_udev_rule(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1", by_id="usb-FTDI_FT1-if00-port0")
     desk.port("ttyUSB1", "0403:6001", serial="kobuki_A", by_id="usb-kobuki_A", rule="kobuki")
     arm, base = find_serial_ports(desk.machine)
@@ -84,7 +84,7 @@ def test_one_alone_is_called_by_its_serial_number_and_a_rule_goes_before_that(de
     ("program", "cure"),
     [("ModemManager", "disable --now ModemManager"), ("brltty", "mask --now brltty"), ("python3", "fuser -v")],
 )
-def test_a_port_in_use_is_left_alone_and_says_who_has_it(desk: RecordedMachine, program: str, cure: str) -> None:
+def test_port_in_use_is_not_opened_and_its_program_is_named(desk: RecordedMachine, program: str, cure: str) -> None:
     path = desk.port("ttyUSB0", "0403:6014", serial="FT1")
     desk.process(812, program, path, "/dev/null")
     (port,) = find_serial_ports(desk.machine)
@@ -96,7 +96,7 @@ def test_a_port_in_use_is_left_alone_and_says_who_has_it(desk: RecordedMachine, 
     assert wire.sent == []
 
 
-def test_a_port_that_a_run_of_ours_has_names_the_run_and_what_ends_it(desk: RecordedMachine) -> None:
+def test_port_in_use_by_a_run_names_the_run_and_its_stop_command(desk: RecordedMachine) -> None:
     path = desk.port("ttyUSB0", "0403:6014", serial="FT1")
     desk.process(812, "python3", path)
     (desk.root / "proc/812/cmdline").write_text("python3\0-m\0missions\0run\0greet\0", encoding="utf-8")
@@ -125,7 +125,7 @@ def test_without_the_right_the_group_is_named(desk: RecordedMachine) -> None:
 # --- desk 4: the wrong rate -------------------------------------------------------------------------------------------
 
 
-def test_a_servo_at_an_unusual_rate_is_found_there_and_nothing_is_written() -> None:
+def test_servo_at_an_unusual_rate_is_found_without_writes() -> None:
     chain = VirtualServoBus([VirtualServo(3, model="AX-12A"), VirtualServo(4, model="AX-12A")], 250_000)
     heard, wire = asked(adapter("0403:6014"), chain)
     assert heard.device is not None
@@ -135,7 +135,7 @@ def test_a_servo_at_an_unusual_rate_is_found_there_and_nothing_is_written() -> N
     assert sent_instructions(wire.sent) == READS
 
 
-def test_a_new_servo_among_others_is_found_at_its_own_rate_with_the_cure() -> None:
+def test_new_servo_at_another_rate_gives_a_hint() -> None:
     new = VirtualServo(1, model="MX-28")
     chain = VirtualServoBus([VirtualServo(2), VirtualServo(3), new])
     new.set("baud", baud_code(57_600, 1))
@@ -167,7 +167,7 @@ def test_servos_without_power_are_silence_and_the_power_is_named_first() -> None
 
 
 @pytest.mark.parametrize(("model", "other"), [("AX-12A", "AX-12A"), ("XL430-W250", "XL430-W250")])
-def test_two_servos_of_one_id_are_told_with_the_way_out(model: str, other: str) -> None:
+def test_duplicate_servo_ids_are_reported_with_a_hint(model: str, other: str) -> None:
     chain = VirtualServoBus([VirtualServo(1, model=model, angle=0.3), VirtualServo(1, model=other, angle=-1.1)])
     heard, wire = asked(adapter("0403:6014"), chain)
     assert heard.trouble is not None
@@ -179,7 +179,7 @@ def test_two_servos_of_one_id_are_told_with_the_way_out(model: str, other: str) 
 # --- desk 7: a camera, of which no picture is taken here --------------------------------------------------------------
 
 
-def test_a_camera_is_told_with_who_has_it(desk: RecordedMachine) -> None:
+def test_camera_in_use_is_reported_with_its_program(desk: RecordedMachine) -> None:
     path = desk.camera("Black Box")
     (camera,) = find_cameras(desk.machine, gives_pictures)
     assert (camera.path, camera.name, camera.trouble) == (path, "Black Box", None)
@@ -190,7 +190,7 @@ def test_a_camera_is_told_with_who_has_it(desk: RecordedMachine) -> None:
     assert camera.trouble.message == "in use by cheese (process 99)"
 
 
-def test_a_csi_camera_is_told_with_the_way_to_read_it(desk: RecordedMachine) -> None:
+def test_csi_camera_is_reported_with_a_hint(desk: RecordedMachine) -> None:
     desk.camera("unicam-image")
     (camera,) = find_cameras(desk.machine, gives_pictures)
     assert camera.source == "tcp://127.0.0.1:8888"
@@ -210,7 +210,7 @@ def test_a_kobuki_is_only_listened_to() -> None:
     assert wire.bytes_sent == b""
 
 
-def test_a_kobuki_that_is_switched_off_is_known_by_its_adapter() -> None:
+def test_switched_off_kobuki_is_recognised_by_its_adapter() -> None:
     heard, wire = asked(adapter("0403:6001", "kobuki_AH02"), None)
     assert heard.trouble is not None
     assert heard.trouble.message == "a Kobuki, by its adapter, but it is silent"
@@ -224,7 +224,7 @@ def test_a_kobuki_that_is_switched_off_is_known_by_its_adapter() -> None:
 # --- desk 9: a Teensy, and an Arduino that would start anew -----------------------------------------------------------
 
 
-def test_a_teensy_is_asked_for_its_topics_and_its_servos_get_no_angle() -> None:
+def test_teensy_reports_its_topics_and_its_servos_do_not_move() -> None:
     teensy = VirtualRodney(baud=500_000, tacho=True, native_usb=True)
     heard, wire = asked(adapter("16c0:0483", path="/dev/ttyACM0"), teensy)
     assert heard.device is not None
@@ -235,7 +235,7 @@ def test_a_teensy_is_asked_for_its_topics_and_its_servos_get_no_angle() -> None:
     assert {data for _, data in wire.sent} <= {b"", rosserial.PROBE, lines.REPORT_REQUEST}
 
 
-def test_a_board_that_starts_anew_when_it_is_opened_is_not_opened_without_consent() -> None:
+def test_board_that_resets_on_open_is_not_opened_without_consent() -> None:
     nano = VirtualRodney()
     port = adapter("1a86:7523")
     heard, wire = asked(port, nano)
@@ -249,13 +249,13 @@ def test_a_board_that_starts_anew_when_it_is_opened_is_not_opened_without_consen
     assert nano.commands == []
 
 
-def test_a_board_that_is_still_starting_is_asked_again() -> None:
+def test_booting_board_is_probed_again() -> None:
     heard, _ = asked(adapter("2341:0043"), VirtualRodney(boot_delay=2.5), consent=True)
     assert heard.device is not None
     assert heard.device.result.keys == {"baud": 57_600}
 
 
-def test_a_printer_or_a_port_of_the_computer_is_not_asked_without_consent() -> None:
+def test_printer_and_builtin_ports_are_not_probed_without_consent() -> None:
     for port in (adapter("1d50:6029"), SerialPortInfo("/dev/ttyS0", "/dev/ttyS0")):
         heard, wire = asked(port, VirtualServoBus([VirtualServo(1)]))
         assert heard.skip_reason is not None
@@ -263,7 +263,7 @@ def test_a_printer_or_a_port_of_the_computer_is_not_asked_without_consent() -> N
         assert wire.sent == []
 
 
-def test_a_lidar_that_was_left_scanning_is_silenced_and_says_what_it_is() -> None:
+def test_scanning_lidar_is_stopped_and_identified() -> None:
     lidar = VirtualRPLidar(lambda bearings, _: bearings * 0 + 2.0, model="a2", streaming=True)
     heard, wire = asked(adapter("10c4:ea60"), lidar)
     assert heard.device is not None
@@ -276,7 +276,7 @@ def test_a_lidar_that_was_left_scanning_is_silenced_and_says_what_it_is() -> Non
 
 
 @pytest.mark.parametrize("number", [1, 9])
-def test_feetech_servos_are_told_from_dynamixels_by_their_table(number: int) -> None:
+def test_feetech_and_dynamixel_servos_are_distinguished_by_their_table(number: int) -> None:
     """An STS3215 with ID 9 has the 9 where a Dynamixel has it, too: in its model number."""
     chain = VirtualServoBus([VirtualServo(number, model="STS3215"), VirtualServo(12, model="STS3215")])
     heard, wire = asked(adapter("1a86:55d3"), chain)
@@ -307,7 +307,7 @@ def test_servos_at_a_wrong_voltage_answer_though_with_the_bytes_of_the_ping(
 
 
 @pytest.mark.parametrize("number", [1, 9])
-def test_dynamixels_on_such_an_adapter_are_dynamixels(number: int) -> None:
+def test_dynamixels_on_a_ch343_adapter_are_recognised(number: int) -> None:
     chain = VirtualServoBus([VirtualServo(number, model="XL330-M077"), VirtualServo(3, model="AX-12A")])
     heard, _ = asked(adapter("1a86:55d3"), chain)
     assert heard.device is not None
@@ -315,7 +315,7 @@ def test_dynamixels_on_such_an_adapter_are_dynamixels(number: int) -> None:
     assert {unit.model for unit in heard.device.result.units} == {"XL330-M077", "AX-12A"}
 
 
-def test_a_rover_of_waveshares_is_asked_for_one_report() -> None:
+def test_waveshare_rover_is_identified_by_one_report() -> None:
     rover = VirtualWaveshare(BaseBody(), track=0.2, unit=0.4, encoders=False)
     heard, wire = asked(adapter("10c4:ea60"), rover)
     assert heard.device is not None
@@ -342,7 +342,7 @@ def test_an_empty_desk_is_empty(desk: RecordedMachine) -> None:
 # --- what else there is -----------------------------------------------------------------------------------------------
 
 
-def test_an_adapter_that_brltty_has_taken_has_no_port_and_is_told(desk: RecordedMachine) -> None:
+def test_adapter_taken_by_brltty_is_reported(desk: RecordedMachine) -> None:
     desk.usb("1a86:7523")
     desk.process(300, "brltty")
     ((usb, trouble),) = find_portless_adapters(desk.machine)
@@ -350,7 +350,7 @@ def test_an_adapter_that_brltty_has_taken_has_no_port_and_is_told(desk: Recorded
     assert trouble.message == "it has no port: brltty has taken it"
 
 
-def test_an_adapter_that_holds_bytes_back_is_told_with_its_cure(desk: RecordedMachine) -> None:
+def test_adapter_with_high_latency_is_reported_with_a_hint(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1", latency=16)
     (port,) = find_serial_ports(desk.machine)
     (trouble,) = port.troubles
@@ -387,7 +387,7 @@ BOARDS = (
 
 
 @pytest.mark.parametrize(("model", "compatible", "is_5"), BOARDS)
-def test_the_debug_connector_of_a_raspberry_pi_5_is_not_taken_for_its_pins(
+def test_raspberry_pi_5_debug_port_is_distinguished_from_the_pins(
     desk: RecordedMachine, model: str, compatible: str, *, is_5: bool
 ) -> None:
     for name, text in (("model", model), ("compatible", compatible)):
@@ -407,7 +407,7 @@ def test_the_debug_connector_of_a_raspberry_pi_5_is_not_taken_for_its_pins(
     assert leads_to_debug_connector("/dev/serial0", desk.root) is is_5
 
 
-def test_a_port_that_leads_to_the_debug_connector_is_not_opened(
+def test_debug_port_is_not_opened(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("drivers.transport.ports.leads_to_debug_connector", lambda port: port == "/dev/serial0")
@@ -416,7 +416,7 @@ def test_a_port_that_leads_to_the_debug_connector_is_not_opened(
     assert told.value.hint.startswith("port: /dev/ttyAMA0  (GPIO 14 and 15, after dtparam=uart0=on")
 
 
-def test_a_raspberry_pi_5_whose_first_port_is_that_of_the_pins_is_called_by_it(desk: RecordedMachine) -> None:
+def test_raspberry_pi_5_with_serial0_on_the_pins_uses_ttyama0(desk: RecordedMachine) -> None:
     desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B Rev 1.1\0")
     uart(desk, "ttyAMA0", "serial0")
     (pins,) = find_serial_ports(desk.machine)
@@ -424,7 +424,7 @@ def test_a_raspberry_pi_5_whose_first_port_is_that_of_the_pins_is_called_by_it(d
     assert not leads_to_debug_connector("/dev/serial0", desk.root)
 
 
-def test_sound_and_game_pads_are_told(desk: RecordedMachine) -> None:
+def test_sound_cards_and_gamepads_are_listed(desk: RecordedMachine) -> None:
     desk.write("proc/asound/cards", " 1 [C920           ]: USB-Audio - HD Pro Webcam C920\n      Webcam at usb-1")
     desk.write("proc/asound/pcm", "01-00: USB Audio : USB Audio : capture 1")
     desk.write(
@@ -447,7 +447,7 @@ PUBLISHED = {
 
 
 @pytest.mark.parametrize("ids", PUBLISHED)
-def test_the_questions_are_those_that_the_makers_have_published(ids: str) -> None:
+def test_probes_match_the_published_requests(ids: str) -> None:
     _, wire = asked(adapter(ids), None)
     for published in PUBLISHED[ids]:
         assert any(bytes.fromhex(published) in data for _, data in wire.sent), published
@@ -474,7 +474,7 @@ def test_a_bad_line_makes_no_wrong_value_of_ten_thousand_questions() -> None:
     assert lost <= 5
 
 
-def test_who_holds_a_device_is_known_of_this_machine_too() -> None:
+def test_device_holders_are_found_on_this_machine() -> None:
     with subprocess.Popen(
         [sys.executable, "-c", "f = open('/dev/full'); print(flush=True); input()"],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -487,7 +487,7 @@ def test_who_holds_a_device_is_known_of_this_machine_too() -> None:
 
 
 @pytest.mark.real_time
-def test_a_port_that_is_pulled_while_it_is_asked_says_so_and_is_let_go(desk: RecordedMachine) -> None:
+def test_port_unplugged_during_a_probe_is_reported_and_closed(desk: RecordedMachine) -> None:
     class Pulled(VirtualServoBus):
         """A chain whose plug is pulled at the fifth question."""
 
@@ -510,7 +510,7 @@ def test_a_port_that_is_pulled_while_it_is_asked_says_so_and_is_let_go(desk: Rec
     assert len(pulled) == 5
 
 
-def test_a_port_that_somebody_takes_meanwhile_is_left_alone(desk: RecordedMachine) -> None:
+def test_port_taken_during_a_scan_is_left_alone(desk: RecordedMachine) -> None:
     with closing(PseudoTerminal("servos", VirtualServoBus([VirtualServo(1)]), SystemClock())) as terminal:
         terminal.open()
         desk.port("ttyUSB0", "0403:6014", serial="FT1", behind=terminal.path)
@@ -530,7 +530,7 @@ def kobuki_at_the_port(desk: RecordedMachine) -> Iterator[PseudoTerminal]:
 
 
 @pytest.mark.usefixtures("kobuki_at_the_port")
-def test_a_real_port_is_opened_asked_and_let_go(desk: RecordedMachine) -> None:
+def test_real_port_is_opened_probed_and_closed(desk: RecordedMachine) -> None:
     found = scan_hardware(desk.machine, make_prober(desk.machine, DRIVERS, SystemClock(), extra_timeout=2.0))
     ((port, heard),) = found.identified
     assert heard.device is not None
@@ -538,7 +538,7 @@ def test_a_real_port_is_opened_asked_and_let_go(desk: RecordedMachine) -> None:
 
 
 @pytest.mark.parametrize("model", ["AX-12A", "STS3215", "XL330-M288"])
-def test_answers_that_come_late_are_those_of_their_servos_and_of_no_others(model: str) -> None:
+def test_late_probe_replies_are_assigned_to_their_servos(model: str) -> None:
     """A busy machine hands answers on 20 ms late: no servo is missed, none is taken for two."""
     device = VirtualServoBus([VirtualServo(number, model=model) for number in (4, 5, 17)])
     heard, _ = asked(adapter("1a86:55d3"), Late(device))
@@ -567,12 +567,12 @@ class Late(VirtualServoBus):
         return b"".join(said for _, said in come)
 
 
-def test_links_that_lead_in_a_circle_are_as_they_stand(tmp_path: Path) -> None:
+def test_circular_symlink_resolves_to_itself(tmp_path: Path) -> None:
     (tmp_path / "loop").symlink_to("loop")
     assert HostMachine(tmp_path).resolve("/loop") == "/loop"
 
 
-def test_a_pipe_in_a_recorded_tree_is_not_waited_for_and_an_endless_file_is_read_to_its_first_page(
+def test_pipe_is_not_read_and_an_endless_file_is_truncated(
     desk: RecordedMachine,
 ) -> None:
     folder = desk.root / "sys"

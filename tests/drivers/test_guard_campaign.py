@@ -12,12 +12,12 @@ SEEDS, CLEAN_SEEDS = 16, 6
 MOST_SEEDS, MOST_CLEAN_SEEDS = 10_000, 400
 
 
-def test_leaves_teleoperation_and_studio_drive_into_nothing_that_was_visible_in_time() -> None:
+def test_guarded_base_never_hits_visible_obstacles() -> None:
     touched = [seed for seed in range(tries(SEEDS, MOST_SEEDS)) if play(seed).bad]
     assert touched == []
 
 
-def test_without_the_guard_they_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unguarded_base_hits_obstacles(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(BaseTwin, "guard_by", lambda *_: None)
     assert sum(bool(play(seed).bad) for seed in range(20)) >= 3
 

@@ -34,20 +34,20 @@ def test_a_slow_turn_teaches_nothing() -> None:
     assert bias.rate == 0.0
 
 
-def test_a_base_that_is_lifted_and_turned_is_followed_though_its_encoders_stand() -> None:
+def test_lifted_and_turned_base_is_followed_without_encoder_motion() -> None:
     bias = GyroBias()
     assert pass_time(bias, 2 * MAX_BIAS_CHANGE, 1.0, still=True) == pytest.approx(2 * MAX_BIAS_CHANGE)
     assert bias.rate == 0.0
 
 
-def test_without_encoders_a_rate_that_changes_is_no_bias() -> None:
+def test_changing_rate_without_encoders_is_not_a_bias() -> None:
     bias = GyroBias(encoders=False)
     for step in range(50):
         bias.correct(0.05 * (step % 2) * PERIOD, 0.05 * (step % 2), PERIOD, still=True)
     assert bias.rate == 0.0
 
 
-def test_it_settles_once_and_only_where_the_gyro_drifts() -> None:
+def test_gyro_settles_once_and_only_with_drift() -> None:
     steady, drifting = GyroBias(), GyroBias()
     pass_time(steady, 0.0, PERIOD, still=True)
     assert not steady.settling
@@ -58,7 +58,7 @@ def test_it_settles_once_and_only_where_the_gyro_drifts() -> None:
 
 
 @pytest.mark.parametrize("drift", [0.015, -0.05])
-def test_messages_that_arrive_in_pairs_teach_the_bias(drift: float) -> None:
+def test_bias_is_learnt_from_paired_messages(drift: float) -> None:
     bias = GyroBias(encoders=False)
     for step in range(100):
         bias.correct(drift * PERIOD, drift, 0.006 if step % 2 else 2 * PERIOD - 0.006, still=True)
@@ -79,7 +79,7 @@ def test_a_rounded_heading_teaches_the_bias(measured: bool) -> None:
 
 
 @pytest.mark.parametrize("encoders", [True, False])
-def test_nobody_waits_for_a_bias_that_cannot_be_learnt(encoders: bool) -> None:
+def test_settling_ends_although_the_bias_cannot_be_learnt(encoders: bool) -> None:
     bias, chance = GyroBias(encoders=encoders), Random(2)  # noqa: S311 - noise is no secret
     for _ in range(round(1.1 * MAX_SETTLING_TIME / PERIOD)):
         rate = chance.choice((-1.0, 1.0)) * chance.uniform(0.02, 0.11)
@@ -88,7 +88,7 @@ def test_nobody_waits_for_a_bias_that_cannot_be_learnt(encoders: bool) -> None:
 
 
 @pytest.mark.parametrize("rate", [0.05, -0.1])
-def test_without_encoders_a_slow_turn_is_none_of_the_bias_once_that_is_known(rate: float) -> None:
+def test_slow_turn_without_encoders_is_not_added_to_a_known_bias(rate: float) -> None:
     bias = GyroBias(encoders=False)
     pass_time(bias, 0.015, 10.0, still=True)
     assert pass_time(bias, rate + 0.015, 10.0, still=True) == pytest.approx(10.0 * rate, rel=0.02)
@@ -96,14 +96,14 @@ def test_without_encoders_a_slow_turn_is_none_of_the_bias_once_that_is_known(rat
     assert bias.correct(rate * PERIOD, rate, PERIOD, still=True)[1] != 0.0, "it reports that it turns"
 
 
-def test_without_encoders_a_bias_that_has_changed_for_good_is_learnt_anew() -> None:
+def test_permanently_changed_bias_is_learnt_again() -> None:
     bias = GyroBias(encoders=False)
     pass_time(bias, 0.0, 10.0, still=True)
     pass_time(bias, 0.05, RELEARN_AFTER + 2.0, still=True)
     assert bias.rate == pytest.approx(0.05, abs=0.002)
 
 
-def test_a_bias_that_changes_slowly_is_followed() -> None:
+def test_slowly_changing_bias_is_followed() -> None:
     bias = GyroBias(encoders=False)
     for step in range(3000):
         rate = 0.001 * step * PERIOD

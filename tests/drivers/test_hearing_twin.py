@@ -53,7 +53,7 @@ def scene() -> Iterator[Scene]:
     scene.twin.close()
 
 
-def test_a_phrase_is_understood_once_it_is_said(scene: Scene) -> None:
+def test_phrase_is_recognised_once_spoken(scene: Scene) -> None:
     scene.say("Thank you!")
     scene.timeline.run_until(1.7)
     assert scene.hearing.words() == ()
@@ -77,7 +77,7 @@ def test_other_words_beside_a_phrase_are_passed_over_and_other_speech_refused(sc
 
 
 @given(st.text(max_size=40))
-def test_what_holds_no_phrase_never_becomes_words(text: str) -> None:
+def test_speech_without_a_phrase_gives_no_words(text: str) -> None:
     scene = Scene()
     scene.say(text)
     scene.timeline.run_until(60.0)
@@ -94,7 +94,7 @@ def test_people_let_the_robot_finish(scene: Scene) -> None:
     assert words.start == pytest.approx(3.0, abs=0.11)
 
 
-def test_what_the_robot_talks_into_is_lost(scene: Scene) -> None:
+def test_phrase_during_own_speech_is_lost(scene: Scene) -> None:
     scene.speaking = [(1.2, 1.3)]
     scene.say("thank you")
     scene.timeline.run_until(5.0)
@@ -102,7 +102,7 @@ def test_what_the_robot_talks_into_is_lost(scene: Scene) -> None:
     assert scene.twin.health().counters["lost"] == 1
 
 
-def test_words_are_kept_for_half_a_minute(scene: Scene) -> None:
+def test_phrases_are_kept_for_half_a_minute(scene: Scene) -> None:
     scene.say("yes", 1.0)
     scene.say("no", 20.0)
     scene.timeline.run_until(30.0)
@@ -111,7 +111,7 @@ def test_words_are_kept_for_half_a_minute(scene: Scene) -> None:
     assert scene.phrases() == ["no"]
 
 
-def test_unplugged_it_listens_no_more_and_says_so(scene: Scene) -> None:
+def test_unplugged_hearing_is_offline_and_stops_listening(scene: Scene) -> None:
     scene.timeline.run_until(2.0)
     assert scene.hearing.listened() == pytest.approx(2.0, abs=0.06)
     scene.twin.plug.unplug()
@@ -126,7 +126,7 @@ def test_unplugged_it_listens_no_more_and_says_so(scene: Scene) -> None:
     assert [notice.kind for notice in scene.notices] == ["online", "offline", "online"]
 
 
-def test_pulled_out_while_somebody_speaks_it_hears_nothing_of_it(scene: Scene) -> None:
+def test_phrase_interrupted_by_an_unplug_is_lost(scene: Scene) -> None:
     scene.say("thank you", 1.0)
     scene.timeline.run_until(1.3)
     scene.twin.plug.unplug()
@@ -135,7 +135,7 @@ def test_pulled_out_while_somebody_speaks_it_hears_nothing_of_it(scene: Scene) -
     assert scene.phrases() == []
 
 
-def test_dulled_it_hears_nothing_and_does_not_know(scene: Scene) -> None:
+def test_deaf_hearing_stays_online_without_phrases(scene: Scene) -> None:
     scene.twin.hears_nothing = True
     scene.say("yes")
     scene.timeline.run_until(3.0)
@@ -143,7 +143,7 @@ def test_dulled_it_hears_nothing_and_does_not_know(scene: Scene) -> None:
     assert scene.hearing.listened() == pytest.approx(3.0, abs=0.06)
 
 
-def test_it_mishears_as_often_as_it_is_told_and_every_time_alike() -> None:
+def test_mishearing_rate_is_as_configured_and_reproducible() -> None:
     def outcome() -> tuple[int, int]:
         scene = Scene(mishearing=0.3, seed=5)
         right = wrong = 0
@@ -161,7 +161,7 @@ def test_it_mishears_as_often_as_it_is_told_and_every_time_alike() -> None:
     assert outcome() == (right, wrong)
 
 
-def test_before_it_is_opened_and_after_it_is_closed_it_is_not_there() -> None:
+def test_hearing_is_offline_before_open_and_after_close() -> None:
     twin = HearingTwin(Timeline().clock, PHRASES, Words)
     twin.close()
     twin.rest()

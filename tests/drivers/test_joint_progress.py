@@ -117,7 +117,7 @@ def faults(rig: Rig) -> list[str]:
 
 
 @pytest.mark.parametrize("fault", ["blocked", "frozen"])
-def test_a_blocked_joint_is_held_where_it_stands_before_its_servo_shuts_down(rig: Rig, fault: str) -> None:
+def test_blocked_joint_is_held_before_its_servo_shuts_down(rig: Rig, fault: str) -> None:
     drive(rig, 0.4, limit=1.0)
     rig.fail(fault)
     began = rig.now()
@@ -141,7 +141,7 @@ def test_a_blocked_joint_is_held_where_it_stands_before_its_servo_shuts_down(rig
         assert not rig.servo.limp
 
 
-def test_a_joint_that_turns_the_wrong_way_is_held_before_it_has_gone_far(rig: Rig) -> None:
+def test_reversed_joint_is_held_before_it_goes_far(rig: Rig) -> None:
     rig.fail("reversed")
     said = drive(rig, 1.2)
     assert re.fullmatch(r"joint a: commanded 1.20 rad, turned the wrong way, from .* rad(; load \d+ %)?", said), said
@@ -153,7 +153,7 @@ def test_a_joint_that_turns_the_wrong_way_is_held_before_it_has_gone_far(rig: Ri
     assert "its torque is switched off" in faults(rig)[-1]
 
 
-def test_a_joint_that_runs_away_after_its_leaf_has_held_it_is_let_go(rig: Rig) -> None:
+def test_joint_that_runs_away_after_a_hold_is_relaxed(rig: Rig) -> None:
     rig.fail("reversed")
     assert "turned the wrong way" in drive(rig, 1.2)
     rig.joints.hold(["a"])  # as the leaf does that has failed
@@ -205,7 +205,7 @@ def followed_twin() -> tuple[Twin, list[DeviceStatus], Callable[[], None]]:
 
 
 @pytest.mark.parametrize("made", [followed_on_wire, followed_twin])
-def test_a_follower_that_is_blocked_follows_no_more(
+def test_blocked_follower_stops_following(
     made: Callable[[], tuple[Quiet | Twin, list[DeviceStatus], Callable[[], None]]],
 ) -> None:
     rig, notices, block = made()
@@ -222,7 +222,7 @@ def test_a_follower_that_is_blocked_follows_no_more(
     assert felt.goal == pytest.approx(felt.position, abs=0.02)
 
 
-def test_a_joint_that_is_pushed_away_from_where_it_holds_is_reported_and_does_not_give_way() -> None:
+def test_joint_pushed_from_its_goal_is_reported_and_keeps_its_goal() -> None:
     rig = Twin()
     drive(rig, 0.4, limit=1.5)
     rig.joints.push("a", 0.9)
@@ -236,7 +236,7 @@ def test_a_joint_that_is_pushed_away_from_where_it_holds_is_reported_and_does_no
     assert state(rig) == pytest.approx(0.4, abs=0.02)
 
 
-def test_joints_that_get_where_they_are_sent_are_never_given_up() -> None:
+def test_working_joints_are_never_given_up() -> None:
     for seed in range(tries(4, most=300)):
         chance = Random(seed)  # noqa: S311 - chance, not a secret
         rig: Rig = Wire(chance.choice(MODELS)) if seed % 2 else Twin(chance.choice(MODELS))
@@ -251,7 +251,7 @@ def test_joints_that_get_where_they_are_sent_are_never_given_up() -> None:
         assert faults(rig) == [], seed
 
 
-def test_joints_that_fail_at_random_are_held_in_time_and_no_servo_overloads() -> None:
+def test_randomly_failing_joints_are_held_without_overload() -> None:
     for seed in range(60000, 60000 + tries(6, most=300)):
         chance = Random(seed)  # noqa: S311 - chance, not a secret
         rig: Rig = Wire(chance.choice(MODELS)) if seed % 2 else Twin(chance.choice(MODELS))
@@ -288,7 +288,7 @@ def test_noise_of_a_sensor_is_no_progress() -> None:
     assert 0.7 < float(said.split()[0]) < 2 * BLOCKED_AFTER
 
 
-def test_a_joint_that_creeps_on_is_not_blocked_and_one_that_rests_near_its_goal_is_not_either() -> None:
+def test_slow_joint_and_joint_near_its_goal_are_not_blocked() -> None:
     assert not watched(lambda now: min(0.1 * now, 1.0), 1.0)
     assert not watched(lambda now: min(now, 1.0 - radians(8)), 1.0)
 

@@ -48,7 +48,7 @@ def near(pan: float, tilt: float) -> object:
     return pytest.approx((pan, tilt), abs=0.006)
 
 
-def test_its_limits_are_those_that_it_and_its_joints_share() -> None:
+def test_head_limits_are_the_intersection_with_joint_limits() -> None:
     limits = Bench(trim=0.2).neck.limits
     assert limits.pan == pytest.approx((-1.7, 1.3))
     assert limits.tilt == (-0.4, 1.0)
@@ -63,7 +63,7 @@ def test_a_trim_from_the_robot_file_is_added_to_the_joint_and_not_to_the_pose() 
     assert (pose.pan, pose.tilt) == near(0.0, 0.0)
 
 
-def test_its_joints_speed_up_and_brake_no_harder_than_it_may() -> None:
+def test_neck_joints_respect_the_head_acceleration() -> None:
     bench = Bench()
     bench.open()
     bench.neck.look(HeadPose(1.2, 0.5))
@@ -78,7 +78,7 @@ def test_its_joints_speed_up_and_brake_no_harder_than_it_may() -> None:
     assert bench.truth == near(1.2, 0.5)
 
 
-def test_relaxed_by_somebody_it_lets_go_of_its_goal_and_goes_on_from_where_it_is() -> None:
+def test_relaxed_head_drops_its_goal_and_resumes_in_place() -> None:
     bench = Bench()
     bench.open()
     bench.neck.look(HeadPose(1.2, 0.0))
@@ -94,7 +94,7 @@ def test_relaxed_by_somebody_it_lets_go_of_its_goal_and_goes_on_from_where_it_is
     assert bench.truth == near(0.0, 0.0)
 
 
-def test_held_again_and_again_by_somebody_it_stays_there_once_it_is_stopped() -> None:
+def test_repeatedly_held_head_stays_once_stopped() -> None:
     bench = Bench()
     bench.open()
     for _ in range(40):
@@ -108,7 +108,7 @@ def test_held_again_and_again_by_somebody_it_stays_there_once_it_is_stopped() ->
     assert bench.truth == pytest.approx(held, abs=radians(2))
 
 
-def test_stopped_while_its_joints_were_not_read_for_a_moment_it_does_not_turn_back(
+def test_head_stopped_with_stale_joint_readings_does_not_turn_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     bench = Bench()
@@ -126,7 +126,7 @@ def test_stopped_while_its_joints_were_not_read_for_a_moment_it_does_not_turn_ba
     assert bench.truth[0] > before - radians(1)
 
 
-def test_a_joint_that_has_shut_down_holds_nobody_up() -> None:
+def test_shut_down_neck_joint_does_not_block_the_other_axis() -> None:
     bench = Bench()
     bench.open()
     bench.arm.overload("neck_tilt")
@@ -136,7 +136,7 @@ def test_a_joint_that_has_shut_down_holds_nobody_up() -> None:
     assert bench.neck.pose().good
 
 
-def test_the_rest_of_the_arm_is_left_alone() -> None:
+def test_other_arm_joints_stay_untouched() -> None:
     bench = Bench()
     bench.open()
     bench.neck.look(HeadPose(0.5, 0.5))
@@ -146,7 +146,7 @@ def test_the_rest_of_the_arm_is_left_alone() -> None:
     assert not elbow.torque
 
 
-def test_without_its_arm_it_says_which_joints_are_missing() -> None:
+def test_head_without_its_arm_names_the_missing_joints() -> None:
     bench = Bench()
     bench.neck.open()
     bench.run(0.5)
@@ -159,7 +159,7 @@ def test_without_its_arm_it_says_which_joints_are_missing() -> None:
     assert bench.notices == []
 
 
-def test_a_neck_that_cannot_be_is_refused() -> None:
+def test_invalid_neck_is_refused() -> None:
     arm = JointsTwin(SPECS, Timeline().clock)
     good, other = JointAxis("neck_pan", -1.0, 1.0), JointAxis("neck_tilt", -1.0, 1.0)
 

@@ -117,7 +117,7 @@ def bench() -> Iterator[Bench]:
 # --- lines ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_line_is_read_as_it_was_written_and_its_sum_is_the_well_known_one() -> None:
+def test_guardian_lines_round_trip_with_a_standard_crc() -> None:
     assert guardian_wire.parse_line(guardian_wire.REPORT_REQUEST.strip()) == guardian_wire.ReportRequest()
     assert guardian_wire.parse_line(
         guardian_wire.pack_command(7, -1000, 1000).strip()
@@ -145,7 +145,7 @@ def test_a_line_with_one_bit_turned_over_is_none(boot: int, first: int, second: 
 # --- the keeper -------------------------------------------------------------------------------------------------------
 
 
-def test_it_lets_all_rest_when_nobody_talks_and_obeys_nobody_who_knew_another() -> None:
+def test_guardian_rests_on_silence_and_ignores_other_boots() -> None:
     hands = Hands()
     keeper = ActuatorGuardian(hands, boot=5, now=0.0)
     assert keeper.feed(guardian_wire.pack_command(5, 300, 400), 1.0) == b""
@@ -169,7 +169,7 @@ def test_wheels_take_no_more_than_full_power_and_stand_at_first() -> None:
     assert told == [(0.0, 0.0), (1.0, -0.5), (0.0, 0.0)]
 
 
-def test_servos_are_led_no_faster_than_they_may_and_stay_where_the_watchdog_finds_them() -> None:
+def test_guardian_servos_are_speed_limited_and_stop_at_the_watchdog() -> None:
     sent: list[tuple[int, int]] = []
     servos = GuardianServos(lambda number, degree: sent.append((number, degree)), (90, None))
     servos.set_goals(180, 40, 0.0)
@@ -188,7 +188,7 @@ def test_servos_are_led_no_faster_than_they_may_and_stay_where_the_watchdog_find
 # --- both ends --------------------------------------------------------------------------------------------------------
 
 
-def test_a_head_whose_servos_stand_where_nobody_knows_is_sent_nowhere_before_it_is_asked() -> None:
+def test_head_with_unknown_servo_angles_does_not_move_before_a_command() -> None:
     bench = Bench(warm=False).start()
     bench.passes(1.0)
     assert bench.servos.pulse_count == 0
@@ -201,7 +201,7 @@ def test_a_head_whose_servos_stand_where_nobody_knows_is_sent_nowhere_before_it_
     bench.close()
 
 
-def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_goes_on(bench: Bench) -> None:
+def test_guardian_restart_in_mid_move_ends_the_motion(bench: Bench) -> None:
     bench.start()
     bench.head.look(HeadPose(radians(70), 0.0))
     bench.drives(0.4, 0.3)
@@ -221,7 +221,7 @@ def test_a_keeper_that_begins_anew_in_mid_move_is_noticed_and_nothing_of_before_
     assert bench.servos.max_step <= STEP
 
 
-def test_random_events_take_every_transition_and_servos_are_sent_nowhere_before_an_answer(
+def test_guardian_events_cover_every_transition_safely(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def connect(bench: Bench, _: Random) -> None:
@@ -245,7 +245,7 @@ def test_random_events_take_every_transition_and_servos_are_sent_nowhere_before_
     assert not table.missing
 
 
-def test_unplugged_in_mid_move_and_plugged_in_again_all_stays_at_rest_until_it_is_asked_anew(bench: Bench) -> None:
+def test_replugged_guardian_rests_until_a_new_command(bench: Bench) -> None:
     bench.start()
     bench.head.look(HeadPose(radians(70), 0.0))
     bench.drives(0.4, 0.4)
@@ -377,7 +377,7 @@ def test_a_head_with_our_sketch_is_simulated_as_every_head(simulate: Literal["fa
         (CAR.replace("servo: 0", "servo: 1"), "'pan' and 'tilt' are both on servo 1"),
     ],
 )
-def test_what_is_wrong_with_a_robot_file_is_told(text: str, told: str, tmp_path: Path) -> None:
+def test_invalid_guardian_robot_file_is_refused(text: str, told: str, tmp_path: Path) -> None:
     (tmp_path / "robot.yaml").write_text(text, encoding="utf-8")
     with pytest.raises(InvalidFileError, match=told):
         load_robot(tmp_path / "robot.yaml")

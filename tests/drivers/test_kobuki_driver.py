@@ -56,14 +56,14 @@ NOWHERE = BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY)
 # --- odometry, limits, senses: plain arithmetic -----------------------------------------------------------------------
 
 
-def test_odometry_starts_at_zero_whatever_the_base_says_first() -> None:
+def test_odometry_starts_at_zero_for_any_first_report() -> None:
     odometry = KobukiOdometry()
     odometry.update(Core(time_ms=60000, left_encoder=999, right_encoder=5), Inertia(heading_cdeg=-17000), 3.0)
     assert odometry.pose == Pose2D(0.0, 0.0, 0.0)
 
 
 @given(st.lists(st.tuples(st.integers(-3000, 3000), st.integers(-3000, 3000)), max_size=60), st.integers(0, 0xFFFF))
-def test_encoders_may_wrap_as_often_as_they_like(moves: list[tuple[int, int]], start: int) -> None:
+def test_encoder_wraps_are_counted(moves: list[tuple[int, int]], start: int) -> None:
     odometry = KobukiOdometry()
     left = right = start
     odometry.update(Core(left_encoder=left, right_encoder=right), Inertia(), 0.0)
@@ -146,7 +146,7 @@ def test_the_battery_is_read_by_the_documented_line() -> None:
     )
 
 
-def test_a_battery_that_fills_at_less_is_full_at_that() -> None:
+def test_aged_battery_is_full_when_charging_ends() -> None:
     senses = KobukiStateBuilder()
     inertia = Inertia()
     aged = senses.update(Core(battery_decivolts=162), inertia, 0.0)
@@ -157,7 +157,7 @@ def test_a_battery_that_fills_at_less_is_full_at_that() -> None:
     assert (full.battery_percent, full.charging) == (100.0, False)
 
 
-def test_every_sense_has_its_own_side() -> None:
+def test_sensor_bits_map_to_their_sides() -> None:
     state = KobukiStateBuilder().update(Core(bumper=4, cliff=1, wheel_drop=2, buttons=0b101, charger=6), Inertia(), 0.0)
     assert state is not None
     assert (state.bumper, state.cliff) == (Sides(left=True), Sides(right=True))
@@ -261,7 +261,7 @@ def test_the_driver_is_a_base() -> None:
     assert base.name == "base"
 
 
-def test_nothing_is_sent_nor_known_before_it_is_opened() -> None:
+def test_unopened_base_sends_nothing_and_has_no_state() -> None:
     clock = ManualClock()
     base = kobuki_base(DirectLink(VirtualKobuki(), clock), clock)
     reading = base.state()
@@ -284,7 +284,7 @@ def test_the_command_is_renewed_after_every_report() -> None:
     assert len(bench.link.velocities()) - before == 50
 
 
-def test_that_it_is_to_stand_is_renewed_after_every_report_at_first_and_seldom_later() -> None:
+def test_stop_is_repeated_often_at_first_and_rarely_later() -> None:
     bench = Bench()
     bench.drive(1.0, 0.2, 0.0)
     bench.base.stop()
@@ -297,7 +297,7 @@ def test_that_it_is_to_stand_is_renewed_after_every_report_at_first_and_seldom_l
     assert bench.link.velocities()[before:] == [(0.0, 0.0)] * 10
 
 
-def test_a_base_that_has_long_stood_obeys_with_the_next_report() -> None:
+def test_idle_base_obeys_with_the_next_report() -> None:
     bench = Bench()
     bench.link.run(1.0)
     bench.base.drive(Velocity(0.2, 0.0))
@@ -305,7 +305,7 @@ def test_a_base_that_has_long_stood_obeys_with_the_next_report() -> None:
     assert bench.link.velocities()[-1][0] > 0.0
 
 
-def test_a_start_follows_the_ramp_and_keeps_to_its_arc() -> None:
+def test_start_follows_the_ramp_on_its_arc() -> None:
     bench = Bench()
     bench.drive(0.5, 0.4, 0.8)
     going = [velocity for velocity in bench.link.velocities() if velocity != (0.0, 0.0)]
@@ -314,18 +314,18 @@ def test_a_start_follows_the_ramp_and_keeps_to_its_arc() -> None:
     assert all(angular == pytest.approx(2 * linear, abs=0.03) for linear, angular in going)
 
 
-def test_what_is_too_fast_is_accepted_slower() -> None:
+def test_too_fast_velocity_is_scaled_down() -> None:
     accepted = Bench().base.drive(Velocity(1.0, 1.0))
     assert accepted == Velocity(0.5, 0.5)
 
 
 @pytest.mark.parametrize("wrong", [Velocity(nan, 0.0), Velocity(0.0, inf)])
-def test_a_velocity_that_is_no_number_is_refused(wrong: Velocity) -> None:
+def test_non_finite_velocity_is_refused(wrong: Velocity) -> None:
     with pytest.raises(BadRequest, match="cannot drive at"):
         Bench().base.drive(wrong)
 
 
-def test_a_velocity_that_nobody_renews_ends() -> None:
+def test_velocity_expires_without_renewal() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     assert bench.link.velocities()[-1][0] == pytest.approx(0.3)
@@ -346,7 +346,7 @@ def test_the_deadman_works_without_reports_too() -> None:
         bench.base.drive(Velocity(0.1, 0.0))
 
 
-def test_stop_is_at_once_and_what_was_asked_before_is_forgotten() -> None:
+def test_stop_is_immediate_and_drops_the_pending_command() -> None:
     bench = Bench()
     bench.drive(1.0, 0.4)
     bench.base.stop()
@@ -356,7 +356,7 @@ def test_stop_is_at_once_and_what_was_asked_before_is_forgotten() -> None:
     assert set(bench.link.velocities()[sent:]) == {(0.0, 0.0)}
 
 
-def test_it_does_not_go_on_blind() -> None:
+def test_base_stops_without_reports() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     bench.device.frozen = True
@@ -365,7 +365,7 @@ def test_it_does_not_go_on_blind() -> None:
     assert bench.link.velocities()[-1] == (0.0, 0.0)
 
 
-def test_asked_to_drive_while_nothing_is_heard_it_tells_the_base_to_stand_still() -> None:
+def test_drive_without_reports_sends_zeros() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     bench.device.frozen = True
@@ -432,7 +432,7 @@ def test_the_port_is_released_though_the_last_zero_cannot_be_sent(monkeypatch: p
     assert closed == [True]
 
 
-def test_close_ends_with_zeros_though_others_go_on_commanding_and_renewing() -> None:
+def test_close_ends_with_zeros_despite_concurrent_commands() -> None:
     bench = Bench()
     bench.drive(1.0, 0.4)
 
@@ -494,7 +494,7 @@ def test_a_state_grows_stale_and_fresh_again() -> None:
     assert bench.base.state().quality is Quality.GOOD
 
 
-def test_silence_is_told_once_and_so_is_its_end() -> None:
+def test_silence_and_its_end_are_reported_once() -> None:
     bench = Bench()
     bench.device.frozen = True
     bench.link.run(1.0)
@@ -509,7 +509,7 @@ def test_silence_is_told_once_and_so_is_its_end() -> None:
 
 
 @pytest.mark.parametrize("anew", [False, True], ids=["silent", "unplugged"])
-def test_away_for_long_nothing_of_before_goes_on_and_for_longer_it_waits_to_be_enabled(anew: bool) -> None:
+def test_reconnect_policy_depends_on_the_duration_of_the_silence(anew: bool) -> None:
     bench = Bench()
     bench.drive(1.0, 0.2)
     for away, returns, latched in ((0.9, False, ""), (1.5, True, ""), (7.0, True, "it was away for 7 s")):
@@ -531,7 +531,7 @@ def test_away_for_long_nothing_of_before_goes_on_and_for_longer_it_waits_to_be_e
     assert bench.value().velocity.linear == pytest.approx(0.2, abs=0.01)
 
 
-def test_a_new_connection_begins_anew() -> None:
+def test_reconnect_resets_the_parser_and_the_state() -> None:
     bench = Bench()
     bench.clock.advance(0.05)
     bench.base.on_connected()  # what was heard a moment ago was heard on the port before
@@ -553,7 +553,7 @@ def test_a_new_connection_begins_anew() -> None:
     assert (counters["checksum_errors"], counters["skipped_bytes"]) == (0, 0)
 
 
-def test_a_port_that_speaks_something_else_is_told_apart_from_a_silent_one() -> None:
+def test_foreign_bytes_are_distinguished_from_silence() -> None:
     bench = Bench()
     bench.device.frozen = True
     bench.link.run(1.0, each=lambda: bench.base.on_data(b"$GPGGA,"))
@@ -561,7 +561,7 @@ def test_a_port_that_speaks_something_else_is_told_apart_from_a_silent_one() -> 
     assert bench.base.health().counters["skipped_bytes"] > 0
 
 
-def test_a_cliff_ends_forward_motion_in_the_same_instant_and_is_told_once() -> None:
+def test_cliff_stops_forward_motion_at_once_with_one_notice() -> None:
     bench = Bench()
     bench.drive(1.0, 0.4)
     bench.device.cliff = Sides(centre=True)
@@ -576,14 +576,14 @@ def test_a_cliff_ends_forward_motion_in_the_same_instant_and_is_told_once() -> N
     assert bench.link.velocities()[-1][0] == pytest.approx(-0.2)
 
 
-def test_a_cliff_in_several_reports_read_at_once_is_told_once() -> None:
+def test_cliff_in_several_reports_of_one_read_gives_one_notice() -> None:
     bench = Bench()
     bench.device.cliff = Sides(left=True)
     bench.base.on_data(bench.device.poll(bench.clock.advance(0.1)))
     assert len(bench.notices) == bench.changes == 1
 
 
-def test_a_wheel_in_the_air_ends_all_motion_and_is_told_once() -> None:
+def test_wheel_drop_stops_all_motion_with_one_notice() -> None:
     bench = Bench()
     bench.drive(1.0, -0.2, 0.5)
     bench.device.wheel_drop = Sides(left=True, right=True)
@@ -593,7 +593,7 @@ def test_a_wheel_in_the_air_ends_all_motion_and_is_told_once() -> None:
     assert bench.notices[0].hint
 
 
-def test_a_bump_wakes_who_waits_and_makes_it_back_off_from_the_side_that_was_hit() -> None:
+def test_bump_notifies_and_backs_off_from_its_side() -> None:
     bench = Bench()
     bench.drive(1.0, 0.3)
     assert bench.changes == 0
@@ -621,7 +621,7 @@ def test_buttons_and_battery_are_passed_on() -> None:
     assert bench.changes == 1
 
 
-def test_the_base_is_asked_who_it_is_until_it_answers() -> None:
+def test_identity_is_requested_until_received() -> None:
     bench = Bench(MuteKobuki())
     bench.link.run(3.0)
     assert bench.identity.missing == Extra.FIRMWARE
@@ -644,7 +644,7 @@ class MuteKobuki(VirtualKobuki):
         yield from super()._extras(flags & ~Extra.FIRMWARE if self.mute else flags)
 
 
-def test_a_firmware_of_another_generation_is_told() -> None:
+def test_unsupported_firmware_is_reported() -> None:
     bench = Bench(VirtualKobuki(firmware=(2, 0, 1)))
     bench.link.run(1.0)
     assert [(notice.kind, notice.message) for notice in bench.notices] == [("fault", "firmware 2.0.1, not 1.x")]
@@ -657,7 +657,7 @@ def test_the_supplies_are_switched_on_with_the_connection() -> None:
 
 
 @pytest.mark.parametrize("identifier", [3, 5, 6, 13, 16])
-def test_a_part_that_is_short_costs_nothing_else(identifier: int) -> None:
+def test_short_subpayload_does_not_spoil_the_others(identifier: int) -> None:
     bench = Bench()
     bench.device.shortened = identifier
     bench.device.chatty = True
@@ -677,7 +677,7 @@ def test_a_lost_heading_is_caught_up_with() -> None:
     assert bench.value().pose.heading == pytest.approx(bench.device.pose(bench.clock.now()).heading, abs=0.03)
 
 
-def test_without_its_core_report_the_base_counts_as_silent() -> None:
+def test_missing_core_report_counts_as_silence() -> None:
     bench = Bench()
     bench.drive(0.5, 0.2)
     bench.device.shortened = Core.ID
@@ -686,7 +686,7 @@ def test_without_its_core_report_the_base_counts_as_silent() -> None:
     assert bench.link.velocities()[-1] == (0.0, 0.0)
 
 
-def test_a_base_that_was_switched_off_and_on_makes_no_jump() -> None:
+def test_power_cycled_base_does_not_jump() -> None:
     bench = Bench()
     bench.drive(2.0, 0.3, 0.5)
     before = bench.value().pose
@@ -701,7 +701,7 @@ def test_a_base_that_was_switched_off_and_on_makes_no_jump() -> None:
     assert bench.value().pose.heading > after.heading + 0.3
 
 
-def test_a_virtual_base_that_nobody_controls_comes_to_rest() -> None:
+def test_virtual_base_stops_without_commands() -> None:
     device = VirtualKobuki()
     device.poll(0.0)
     device.feed(encode(BaseControl.of(0.3, 0.0)), 0.0)
@@ -712,7 +712,7 @@ def test_a_virtual_base_that_nobody_controls_comes_to_rest() -> None:
     assert device.pose(10.0) == at_rest
 
 
-def test_a_virtual_base_tells_its_gains_when_asked() -> None:
+def test_virtual_base_reports_its_gains_on_request() -> None:
     device = VirtualKobuki()
     device.poll(0.0)
     device.feed(encode(SetGains(1, 5, 6, 7), GetGains(), KobukiSound(1000, 10)), 0.01)
@@ -781,12 +781,12 @@ def rig() -> HandRig:
     return rig
 
 
-def test_it_stops_when_nobody_renews(rig: HandRig) -> None:
+def test_base_stops_without_renewal(rig: HandRig) -> None:
     rig.until(rig.driving)
     rig.until(lambda: not rig.moves())
 
 
-def test_at_rest_its_reports_are_read_three_at_a_time_until_it_is_told_to_move(rig: HandRig) -> None:
+def test_idle_reports_are_read_in_batches_until_a_command(rig: HandRig) -> None:
     reads: list[float] = []
     received = rig.base.on_data
 
@@ -816,7 +816,7 @@ def test_at_rest_its_reports_are_read_three_at_a_time_until_it_is_told_to_move(r
     assert len(reads) == pytest.approx(10, abs=2)
 
 
-def test_at_rest_silence_is_told_in_time_and_its_last_report_is_stale_by_then(rig: HandRig) -> None:
+def test_silence_at_rest_is_reported_in_time(rig: HandRig) -> None:
     rig.timeline.run_until(rig.clock.now() + 1.0)
     rig.device.frozen = True
     frozen = rig.clock.now()
@@ -837,7 +837,7 @@ def test_a_silent_wire_is_offline_and_comes_back(rig: HandRig) -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError("broken"), SystemExit(1)])
-def test_listeners_that_raise_neither_keep_it_driving_nor_hold_the_port(rig: HandRig, error: BaseException) -> None:
+def test_exceptions_in_callbacks_neither_drive_on_nor_block_the_port(rig: HandRig, error: BaseException) -> None:
     def throw(*_: object) -> None:
         raise error
 
@@ -901,7 +901,7 @@ def running(ported: Ported) -> Ported:
     return ported
 
 
-def test_it_drives_and_stops(running: Ported) -> None:
+def test_base_drives_and_stops(running: Ported) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.base.stop()
     wait_until(lambda: not running.moves())
@@ -910,7 +910,7 @@ def test_it_drives_and_stops(running: Ported) -> None:
     assert reading.value.pose.x == pytest.approx(running.device.pose(running.clock.now()).x, abs=0.1)
 
 
-def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:
+def test_closed_base_is_stopped(running: Ported) -> None:
     wait_until(running.driving, pause=0.02)
     running.base.close()
     wait_until(lambda: not running.moves())
@@ -920,7 +920,7 @@ def test_it_is_stopped_when_it_is_closed(running: Ported) -> None:
     wait_until(running.online)
 
 
-def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Ported) -> None:
+def test_base_survives_unplug_and_replug_with_notices(running: Ported) -> None:
     wait_until(lambda: running.driving() and running.x() > 0.02)
     running.terminal.unplug()
     wait_until(lambda: "offline" in running.kinds())
@@ -940,7 +940,7 @@ def test_a_plug_pulled_and_put_back_is_told_and_survived(running: Ported) -> Non
     wait_until(lambda: running.driving() and running.x() > before + 0.02)
 
 
-def test_a_base_that_appears_later_is_found(ported: Ported) -> None:
+def test_base_that_appears_later_is_found(ported: Ported) -> None:
     ported.base.open()
     wait_until(lambda: "no such device" in ported.base.health().detail)
     assert ported.base.health().hint
@@ -948,7 +948,7 @@ def test_a_base_that_appears_later_is_found(ported: Ported) -> None:
     wait_until(ported.driving, pause=0.02)
 
 
-def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(ported: Ported) -> None:
+def test_busy_port_is_reported_and_opened_once_free(ported: Ported) -> None:
     ported.terminal.open()
     with serial.Serial(ported.terminal.path, BAUD, exclusive=True):
         ported.base.open()
@@ -957,7 +957,7 @@ def test_a_port_in_use_says_so_and_is_taken_once_it_is_free(ported: Ported) -> N
     wait_until(ported.online)
 
 
-def test_a_forbidden_port_says_how_to_get_the_right(ported: Ported, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_forbidden_port_gives_a_hint(ported: Ported, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: object, **__: object) -> None:
         raise PermissionError(errno.EACCES, "Permission denied")
 

@@ -133,7 +133,7 @@ def test_a_usual_report_has_81_or_87_bytes() -> None:
 
 
 @given(st.lists(ANY_PART, min_size=1, max_size=7))
-def test_every_part_survives_the_way_there_and_back(parts: list[KobukiSubpayload]) -> None:
+def test_subpayloads_round_trip(parts: list[KobukiSubpayload]) -> None:
     (payload,) = KobukiFrameFinder().feed(encode(*parts))
     decoded = decode(payload, FEEDBACK)
     assert decoded.parts == tuple(parts)
@@ -141,14 +141,14 @@ def test_every_part_survives_the_way_there_and_back(parts: list[KobukiSubpayload
 
 
 @each(("number", "version"), [(123, "1.0.0"), (110, "1.1.0"), (10100, "1.1.0"), (111, "1.1.1"), (10101, "1.1.1")])
-def test_old_firmware_tells_its_version_in_two_bytes(number: int, version: str) -> None:
+def test_old_firmware_version_has_two_bytes(number: int, version: str) -> None:
     payload = subpayload(FirmwareVersion.ID, number.to_bytes(2, "little"))
     (part,) = decode(payload, FEEDBACK).parts
     assert isinstance(part, FirmwareVersion)
     assert str(part) == version
 
 
-def test_a_two_byte_version_that_nobody_knows_is_malformed() -> None:
+def test_unknown_two_byte_version_is_malformed() -> None:
     decoded = decode(subpayload(FirmwareVersion.ID, b"\x99\x00"), FEEDBACK)
     assert (decoded.parts, decoded.malformed) == ((), 1)
 
@@ -159,7 +159,7 @@ def test_raw_gyro_is_turned_into_the_axes_of_the_robot() -> None:
 
 
 @given(st.floats(-0.7, 0.7), st.floats(-pi, pi))
-def test_the_base_understands_the_velocity_that_was_meant(linear: float, angular: float) -> None:
+def test_base_control_keeps_the_velocity_within_tolerance(linear: float, angular: float) -> None:
     understood, turning = BaseControl.of(linear, angular).velocity
     # A millimetre is cut off the speed and off the radius; a circle of under 2 mm is a turn on the spot.
     assert turning == pytest.approx(angular, abs=0.025 + 0.02 * abs(angular))
@@ -195,7 +195,7 @@ TURNS = sorted({sign * turn for sign in (-1, 1) for turn in (*EDGES, *(step / 10
 
 
 @each("linear", SPEEDS)
-def test_speed_and_radius_are_those_of_the_documented_rule(linear: float) -> None:
+def test_speed_and_radius_follow_the_documented_rule(linear: float) -> None:
     for angular in TURNS:
         command = BaseControl.of(linear, angular)
         speed, radius = documented(linear, angular)
@@ -210,17 +210,17 @@ def test_a_radius_of_one_millimetre_is_a_turn_on_the_spot(linear: float, angular
     assert BaseControl.of(linear, angular) == BaseControl(speed, 1)
 
 
-def test_a_circle_too_wide_for_16_bits_is_clipped_but_keeps_its_speed() -> None:
+def test_too_wide_radius_is_clipped_at_the_same_speed() -> None:
     command = BaseControl.of(0.5, 0.0002)
     assert (command.speed_mm, command.radius_mm) == (500, 0x7FFF)
 
 
 @each("velocity", [(1e9, 0.0), (-1e9, 0.0), (0.0, 1e9), (1e9, -1e9)])
-def test_an_absurd_velocity_still_fits_its_bytes(velocity: tuple[float, float]) -> None:
+def test_extreme_velocity_fits_its_bytes(velocity: tuple[float, float]) -> None:
     assert len(encode(BaseControl.of(*velocity))) == 10
 
 
-def test_one_unknown_part_does_not_cost_the_others() -> None:
+def test_unknown_subpayload_does_not_spoil_the_others() -> None:
     payload = subpayload(0x63, b"\x01\x02\x03") + subpayload(Inertia.ID, Inertia(100, 5).pack())
     decoded = decode(payload, FEEDBACK)
     assert decoded.parts == (Inertia(100, 5),)
@@ -228,7 +228,7 @@ def test_one_unknown_part_does_not_cost_the_others() -> None:
 
 
 @each("kind", [Core(), Inertia(), RawGyro(0, ((1, 2, 3),)), UniqueId(1, 2, 3)])
-def test_one_short_or_long_part_does_not_cost_the_others(kind: KobukiSubpayload) -> None:
+def test_wrongly_sized_subpayload_does_not_spoil_the_others(kind: KobukiSubpayload) -> None:
     good = subpayload(DockInfrared.ID, DockInfrared(1, 2, 3).pack())
     for data in (kind.pack()[:-1], kind.pack() + b"\x00", b""):
         decoded = decode(good + subpayload(kind.ID, data) + good, FEEDBACK)
@@ -237,7 +237,7 @@ def test_one_short_or_long_part_does_not_cost_the_others(kind: KobukiSubpayload)
 
 
 @each("tail", [b"\x04", b"\x04\x07", b"\x04\x07\x01\x02", b"\x04\xff\x01"])
-def test_a_part_cut_off_by_the_end_does_not_cost_those_before(tail: bytes) -> None:
+def test_truncated_subpayload_does_not_spoil_those_before(tail: bytes) -> None:
     decoded = decode(subpayload(DockInfrared.ID, b"\x01\x02\x03") + tail, FEEDBACK)
     assert decoded.parts == (DockInfrared(1, 2, 3),)
     assert decoded.malformed == 1
@@ -249,7 +249,7 @@ def test_any_payload_can_be_read_without_an_exception(payload: bytes) -> None:
     decode(payload, COMMANDS)
 
 
-def test_what_does_not_fit_the_wire_is_refused() -> None:
+def test_oversized_values_are_refused() -> None:
     with pytest.raises(error):
         encode(SetOutputs(0x10000))
     with pytest.raises(ValueError, match="3 to 255 bytes, not 0"):
@@ -316,9 +316,7 @@ def noisy_streams(draw: st.DrawFn) -> tuple[bytes, list[bytes]]:
 
 
 @given(noisy_streams(), st.lists(st.integers(1, 300), max_size=20))
-def test_every_frame_between_noise_is_found_however_it_is_cut(
-    stream: tuple[bytes, list[bytes]], cuts: list[int]
-) -> None:
+def test_frames_between_noise_are_found_for_any_chunking(stream: tuple[bytes, list[bytes]], cuts: list[int]) -> None:
     raw, payloads = stream
     finder = KobukiFrameFinder()
     found, at = [], 0

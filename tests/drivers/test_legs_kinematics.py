@@ -43,7 +43,7 @@ def test_the_inverse_leads_back_to_the_foot_of_any_pose(name: str, side: Side) -
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
-def test_a_bent_leg_under_its_hip_has_the_very_angles_that_it_was_made_of(name: str) -> None:
+def test_inverse_kinematics_recovers_the_joint_angles(name: str) -> None:
     body, low, high = described(name)
     middle = np.radians(20)
     for side in SIDES:
@@ -72,7 +72,7 @@ SIDEWAYS = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
         ("humanoid", (0.0, 0.3, 0.0), SIDEWAYS, "undetermined"),
     ],
 )
-def test_a_foot_that_no_leg_can_have_is_refused_with_the_reason(
+def test_unreachable_foot_is_refused_with_a_reason(
     name: str, ankle: tuple[float, ...], turned: Floats, why: str
 ) -> None:
     body, _, _ = described(name)
@@ -86,7 +86,7 @@ def test_a_foot_that_no_leg_can_have_is_refused_with_the_reason(
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
-def test_the_mirror_image_of_a_pose_is_its_mirror_image(name: str) -> None:
+def test_mirrored_pose_has_mirrored_kinematics(name: str) -> None:
     body, low, high = described(name)
     q = np.random.default_rng(4).uniform(low, high, (100, len(low)))
     here, image = forward_kinematics(body, q), forward_kinematics(body, body.mirror(q))
@@ -113,7 +113,7 @@ def test_the_jacobians_are_the_derivatives(name: str) -> None:
         assert np.allclose(masses[:, :, joint], drift, atol=1e-8)
 
 
-def test_the_op3_weighs_and_stands_as_its_model_says() -> None:
+def test_op3_mass_and_stance_match_its_model() -> None:
     body, _, _ = described("op3")
     assert body.total_mass == pytest.approx(3.147, abs=1e-3)
     place, turned = sole_pose(body, forward_kinematics(body, np.zeros(20)), "left")
@@ -122,7 +122,7 @@ def test_the_op3_weighs_and_stands_as_its_model_says() -> None:
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
-def test_a_body_that_stands_hits_nothing_and_crossed_legs_do(name: str) -> None:
+def test_standing_body_is_collision_free_and_crossed_legs_are_not(name: str) -> None:
     body, _, _ = described(name)
     gaps, names = clearance(body, forward_kinematics(body, np.zeros(len(body.joints))))
     assert gaps.min() > 0, names[int(gaps.argmin())]

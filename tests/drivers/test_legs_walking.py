@@ -100,7 +100,7 @@ def test_the_masses_of_the_whole_body_press_within_the_soles(name: str, command:
 
 
 @pytest.mark.parametrize(("name", "command"), WALKS)
-def test_a_walk_keeps_the_limits_and_the_speeds_of_its_joints(name: str, command: tuple[float, float, float]) -> None:
+def test_walk_stays_within_joint_limits_and_speeds(name: str, command: tuple[float, float, float]) -> None:
     body, stride, arm = described(name)
     walk = plan_walk(body, stride, command, 5.0)
     limits = [arm.limits[joint] for joint in body.leg_joints]
@@ -113,7 +113,7 @@ def test_a_walk_keeps_the_limits_and_the_speeds_of_its_joints(name: str, command
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
 @pytest.mark.parametrize("more", [-0.005, 0.0, 0.005])
-def test_it_sways_as_far_as_it_is_told_and_presses_that_much_nearer_to_an_edge(name: str, more: float) -> None:
+def test_sway_is_as_configured_and_reduces_the_margin(name: str, more: float) -> None:
     body, stride, _ = described(name)
     plain = walk_parameters(body, stride)
     share = sway_share(pendulum_rate(plain.com_height), plain.step_time, plain.double_support)
@@ -123,7 +123,7 @@ def test_it_sways_as_far_as_it_is_told_and_presses_that_much_nearer_to_an_edge(n
     assert min(moment.margin for moment in moments) == pytest.approx(plain.sole_width / 2 - abs(more) / share, abs=2e-3)
 
 
-def test_a_sway_that_would_press_outside_of_the_soles_is_refused_with_what_can_be() -> None:
+def test_excessive_sway_is_refused_with_the_possible_range() -> None:
     body, stride, _ = described("humanoid")
     with pytest.raises(BadRequest, match="a sway of 100 mm presses outside of the soles") as refused:
         walk_parameters(body, replace(stride, sway=0.1))
@@ -131,7 +131,7 @@ def test_a_sway_that_would_press_outside_of_the_soles_is_refused_with_what_can_b
 
 
 @pytest.mark.parametrize("name", ["humanoid", "op3"])
-def test_whatever_is_commanded_when_it_stays_over_its_feet_and_stands_in_the_end(name: str) -> None:
+def test_random_commands_keep_the_walker_balanced(name: str) -> None:
     body, stride, _ = described(name)
     manner = walk_parameters(body, stride)
     for seed in range(8):
@@ -171,7 +171,7 @@ def test_a_halt_ends_in_a_stand_within_two_steps(after: float) -> None:
     assert np.hypot(left[0] - right[0], left[1] - right[1]) == pytest.approx(walker.manner.foot_spacing)
 
 
-def test_a_pendulum_follows_its_differential_equation() -> None:
+def test_pendulum_matches_its_differential_equation() -> None:
     c, xi, p, w = (0.01, -0.02), (0.03, 0.01), (0.0, 0.005), 4.8
     fine, capture = c, xi
     for _ in range(100_000):  # Euler, in tiny steps
@@ -190,7 +190,7 @@ def test_the_quick_centre_of_mass_is_the_centre_of_mass() -> None:
         assert np.allclose(centre_over_legs(body, angles.reshape(-1, 2, 6)), slow, atol=1e-12)
 
 
-def test_step_by_step_it_walks_as_planned_at_once() -> None:
+def test_stepwise_walk_equals_the_planned_walk() -> None:
     body, stride, _ = described("humanoid")
     engine = WalkingEngine(body, stride)
     engine.command(0.2, 0.0, 0.0)
@@ -198,7 +198,7 @@ def test_step_by_step_it_walks_as_planned_at_once() -> None:
     assert np.abs(walked - plan_walk(body, stride, (0.2, 0.0, 0.0), 3.0).angles).max() < np.radians(1)
 
 
-def test_the_feet_themselves_tell_how_far_it_has_walked() -> None:
+def test_foot_odometry_measures_the_walk() -> None:
     body, stride, _ = described("humanoid")
     engine = WalkingEngine(body, stride)
     engine.command(0.2, 0.0, 0.15)
@@ -256,7 +256,7 @@ def legs() -> Legs:
     return Legs()
 
 
-def test_it_walks_from_a_straight_stand_and_stands_again_when_nobody_commands_it(legs: Legs) -> None:
+def test_walk_starts_from_a_stand_and_stops_when_the_command_expires(legs: Legs) -> None:
     legs.pass_(8.0, Velocity(0.15, 0.0))
     state = legs.base.state()
     assert state.value is not None
@@ -295,7 +295,7 @@ def test_a_chain_unplugged_in_mid_step_is_no_leap(legs: Legs) -> None:
     assert legs.base.is_walking
 
 
-def test_legs_that_sit_are_told_to_stand_first(legs: Legs) -> None:
+def test_sitting_legs_refuse_to_walk(legs: Legs) -> None:
     legs.arm.move({"left_hip_pitch": 1.56, "right_hip_pitch": 1.56, "left_knee": 1.9, "right_knee": 1.9})
     legs.pass_(2.0)
     before = legs.angles()
@@ -305,7 +305,7 @@ def test_legs_that_sit_are_told_to_stand_first(legs: Legs) -> None:
     assert np.array_equal(legs.angles(), before)
 
 
-def test_legs_that_were_brought_to_a_sit_after_a_walk_are_not_flung_up_by_the_next_one(legs: Legs) -> None:
+def test_walk_after_a_manual_sit_is_refused(legs: Legs) -> None:
     legs.pass_(3.0, Velocity(0.1, 0.0))
     legs.pass_(3.0)
     assert not legs.base.is_walking
@@ -318,7 +318,7 @@ def test_legs_that_were_brought_to_a_sit_after_a_walk_are_not_flung_up_by_the_ne
     assert np.array_equal(legs.angles(), before)
 
 
-def test_a_foot_out_of_reach_ends_the_walk_though_somebody_goes_on_commanding(legs: Legs) -> None:
+def test_unreachable_foot_ends_the_walk(legs: Legs) -> None:
     legs.pass_(4.0, Velocity(0.1, 0.0))
     engine = legs.base._engine
     step = engine.step
@@ -336,7 +336,7 @@ def test_a_foot_out_of_reach_ends_the_walk_though_somebody_goes_on_commanding(le
     assert not legs.base.is_walking
 
 
-def test_a_leg_that_goes_limp_in_a_walk_stops_it_until_somebody_enables_it(legs: Legs) -> None:
+def test_limp_leg_latches_the_walk(legs: Legs) -> None:
     legs.pass_(6.0, Velocity(0.2, 0.0))
     legs.arm.overload("left_knee")
     legs.pass_(0.1)
@@ -348,7 +348,7 @@ def test_a_leg_that_goes_limp_in_a_walk_stops_it_until_somebody_enables_it(legs:
 
 @pytest.mark.parametrize("act", ["stand", "sit"])
 @pytest.mark.parametrize("after", [0.0, 0.5, 20.0])
-def test_a_leg_that_has_shut_down_ends_a_stand_and_a_sit(legs: Legs, act: str, after: float) -> None:
+def test_shut_down_leg_ends_stand_and_sit(legs: Legs, act: str, after: float) -> None:
     legs.arm.relax(list(legs.arm.limits))
     perform(legs, act, after)
     legs.arm.overload("left_knee")
@@ -370,7 +370,7 @@ def perform(legs: Legs, act: str, seconds: float) -> None:
         legs.pass_(0.05)
 
 
-def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
+def test_fall_latches_and_relaxes_the_legs(legs: Legs) -> None:
     attitude = AttitudeEstimate(0.0, 0.1)
     legs.base._read_attitude = lambda: attitude
     legs.pass_(6.0, Velocity(0.1, 0.0))
@@ -397,7 +397,7 @@ def test_a_fall_latches_the_legs_and_lets_them_go_limp(legs: Legs) -> None:
     assert state.lean is None  # nothing measures it any more
 
 
-def test_legs_that_bear_nothing_latch_and_stay_stiff_for_somebody_may_hold_the_robot(legs: Legs) -> None:
+def test_unloaded_legs_latch_and_stay_stiff(legs: Legs) -> None:
     legs.pass_(6.0, Velocity(0.1, 0.0))
     legs.base._fall_detector.fallen = True
     legs.pass_(0.1)
@@ -414,14 +414,14 @@ def arms_stay(legs: Legs) -> None:
     assert [each and each.position for each in elbows] == pytest.approx([0.0, 0.0], abs=0.02)
 
 
-def test_arms_of_legs_that_nobody_led_stay_when_it_lies_or_is_tilted(legs: Legs) -> None:
+def test_arms_stay_in_place_when_unused_legs_fall(legs: Legs) -> None:
     legs.base._read_attitude = lambda: AttitudeEstimate(0.0, 1.2)  # it lies, and was never stood up
     legs.pass_(0.2)
     assert legs.base.latched == "it has fallen"
     arms_stay(legs)
 
 
-def test_arms_of_a_robot_that_is_stopped_stay_when_it_is_carried_away(legs: Legs) -> None:
+def test_arms_stay_in_place_when_a_stopped_robot_is_tilted(legs: Legs) -> None:
     attitude = AttitudeEstimate(0.0, 0.0)
     legs.base._read_attitude = lambda: attitude
     legs.pass_(6.0, Velocity(0.1, 0.0))
@@ -433,7 +433,7 @@ def test_arms_of_a_robot_that_is_stopped_stay_when_it_is_carried_away(legs: Legs
 
 
 @pytest.mark.parametrize("part", ["_read_attitude", "_update_state"])
-def test_an_error_in_mid_walk_leaves_the_legs_where_they_are_until_it_is_enabled(
+def test_exception_in_mid_walk_leaves_the_legs_until_enabled(
     legs: Legs, part: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     legs.pass_(6.23, Velocity(0.2, 0.0))

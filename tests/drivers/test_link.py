@@ -118,7 +118,7 @@ def raising(error: BaseException) -> Callable[..., None]:
 # --- pauses -----------------------------------------------------------------------------------------------------------
 
 
-def test_bytes_gather_for_as_long_as_the_talker_says_unless_the_link_is_woken(rig: Rig) -> None:
+def test_bytes_are_gathered_for_the_requested_time(rig: Rig) -> None:
     rig.open()
     rig.chatter.patience = 0.5
     rig.lives_on()
@@ -151,7 +151,7 @@ def test_a_guarded_listener_never_raises_and_is_logged_once(
     assert str(error) in record.getMessage()
 
 
-def test_a_guarded_listener_hears_everything_and_lets_a_keyboard_interrupt_through() -> None:
+def test_guarded_callback_passes_values_and_keyboard_interrupt() -> None:
     heard: list[int] = []
     guard_callback(heard.append)(3)
     assert heard == [3]
@@ -159,7 +159,7 @@ def test_a_guarded_listener_hears_everything_and_lets_a_keyboard_interrupt_throu
         guard_callback(raising(KeyboardInterrupt()))()
 
 
-def test_a_log_that_fails_too_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_log_is_ignored(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(logging.getLogger("drivers.transport.loop"), "error", raising(SystemExit(1)))
     guard_callback(raising(SystemExit(1)))()
 
@@ -168,7 +168,7 @@ def test_a_log_that_fails_too_hurts_nobody(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 @pytest.mark.parametrize("error", ANYTHING)
-def test_a_report_that_raises_does_not_end_the_thread(rig: Rig, error: BaseException) -> None:
+def test_exception_in_report_does_not_end_the_thread(rig: Rig, error: BaseException) -> None:
     rig.link = rig.wire.link("echo", report=raising(error))
     rig.open()
     rig.lives_on()
@@ -183,9 +183,7 @@ def test_a_report_that_raises_does_not_end_the_thread(rig: Rig, error: BaseExcep
 
 @pytest.mark.parametrize("error", ANYTHING)
 @pytest.mark.parametrize("where", ["at_received", "at_pulse"])
-def test_a_talker_that_raises_does_not_end_the_thread_and_is_told_once(
-    rig: Rig, error: BaseException, where: str
-) -> None:
+def test_exception_in_the_listener_does_not_end_the_thread(rig: Rig, error: BaseException, where: str) -> None:
     setattr(rig.chatter, where, raising(error))
     rig.open()
     for count in range(1, 6):
@@ -198,7 +196,7 @@ def test_a_talker_that_raises_does_not_end_the_thread_and_is_told_once(
 
 
 @pytest.mark.parametrize("error", ANYTHING)
-def test_a_beginning_that_fails_is_made_again_on_a_port_opened_anew(rig: Rig, error: BaseException) -> None:
+def test_failed_connect_callback_is_retried_on_a_reopened_port(rig: Rig, error: BaseException) -> None:
     rig.chatter.at_connected = raising(error)
     rig.open()
     rig.until(lambda: rig.chatter.connections >= 3)
@@ -222,7 +220,7 @@ def test_closing_releases_the_port_whatever_the_last_word_raises(rig: Rig, error
     assert rig.is_free()
 
 
-def test_the_last_word_is_said_before_the_port_is_released(rig: Rig) -> None:
+def test_last_write_is_sent_before_the_port_closes(rig: Rig) -> None:
     rig.chatter.at_ending = lambda: rig.link.write(b"farewell")
     rig.open()
     rig.lives_on()
@@ -230,7 +228,7 @@ def test_the_last_word_is_said_before_the_port_is_released(rig: Rig) -> None:
     rig.until(lambda: rig.echo.heard == b"farewell")
 
 
-def test_a_port_that_is_lost_in_a_write_is_offline_at_once_and_still_open(rig: Rig) -> None:
+def test_port_lost_in_a_write_is_offline_at_once(rig: Rig) -> None:
     rig.open()
     port = rig.link._port
     assert isinstance(port, HandPort)
@@ -245,7 +243,7 @@ def test_a_port_that_is_lost_in_a_write_is_offline_at_once_and_still_open(rig: R
     assert len(rig.told("offline")) == 1
 
 
-def test_data_that_cannot_be_read_does_not_keep_a_driver_from_its_pulse(rig: Rig) -> None:
+def test_unreadable_data_does_not_delay_the_poll(rig: Rig) -> None:
     rig.open()
     rig.chatter.at_received = raising(ValueError("broken"))
     before = rig.chatter.pulses

@@ -10,7 +10,7 @@ from tests.waiting import wait_until
 pytestmark = pytest.mark.real_time
 
 
-def test_turns_are_taken_on_its_thread_until_it_ends_and_the_last_is_done_there_once() -> None:
+def test_loop_turns_and_final_call_run_once_on_its_thread() -> None:
     turns: list[str] = []
     last: list[str] = []
 

@@ -13,5 +13,5 @@ TEXTS = {
 
 
 @each("length", list(TEXTS))
-def test_a_length_is_written_in_the_unit_that_reads_best(length: float) -> None:
+def test_length_is_formatted_in_its_best_unit(length: float) -> None:
     assert length_text(length) == TEXTS[length]

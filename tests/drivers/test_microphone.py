@@ -37,7 +37,7 @@ def ramp(count: int) -> "np.ndarray[tuple[int], np.dtype[np.int16]]":
 # --- a file -----------------------------------------------------------------------------------------------------------
 
 
-def test_a_file_is_heard_as_it_is_in_the_time_that_it_takes(tmp_path: Path) -> None:
+def test_wav_file_is_read_in_real_time(tmp_path: Path) -> None:
     clock = ManualClock(7.0)
     microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(1000)), clock)
     microphone.open()
@@ -54,7 +54,7 @@ def test_a_file_is_heard_as_it_is_in_the_time_that_it_takes(tmp_path: Path) -> N
     assert rest[-1].end == pytest.approx(7.1)
 
 
-def test_behind_its_end_there_is_silence_or_its_beginning_again(tmp_path: Path) -> None:
+def test_wav_file_is_followed_by_silence_or_repeated(tmp_path: Path) -> None:
     clock = ManualClock()
     path = write(tmp_path / "a.wav", ramp(400))
     once, again = WavMicrophone(path, clock), WavMicrophone(path, clock, loop=True)
@@ -65,7 +65,7 @@ def test_behind_its_end_there_is_silence_or_its_beginning_again(tmp_path: Path) 
     assert again.read(1)[0].samples.tolist() == [*range(240, 400), *range(160)]
 
 
-def test_at_most_five_seconds_are_kept(tmp_path: Path) -> None:
+def test_wav_buffer_is_limited_to_five_seconds(tmp_path: Path) -> None:
     clock = ManualClock()
     microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(10)), clock)
     microphone.open()
@@ -81,7 +81,7 @@ def test_two_channels_become_one(tmp_path: Path) -> None:
 
 
 @given(st.sampled_from((8000, 11025, 22050, 44100, 48000)), st.integers(200, 3000))
-def test_a_tone_keeps_its_pitch_and_strength_at_any_rate(rate: int, pitch: int) -> None:
+def test_resampled_tone_keeps_pitch_and_strength(rate: int, pitch: int) -> None:
     tone = 1000 * np.sin(2 * np.pi * pitch * np.arange(rate) / rate)
     heard = resample(tone, rate)
     assert len(heard) == SOUND_RATE
@@ -90,7 +90,7 @@ def test_a_tone_keeps_its_pitch_and_strength_at_any_rate(rate: int, pitch: int) 
     assert strength[pitch] == pytest.approx(1000, rel=0.01)
 
 
-def test_a_file_that_is_not_there_says_what_to_try(tmp_path: Path) -> None:
+def test_missing_wav_file_gives_a_hint(tmp_path: Path) -> None:
     notices: list[DeviceStatus] = []
     microphone = WavMicrophone(tmp_path / "none.wav", ManualClock(), report=notices.append)
     microphone.open()
@@ -101,7 +101,7 @@ def test_a_file_that_is_not_there_says_what_to_try(tmp_path: Path) -> None:
     assert [notice.kind for notice in notices] == ["offline"]
 
 
-def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_path: Path) -> None:
+def test_implausible_wav_header_is_not_trusted(tmp_path: Path) -> None:
     path = write(tmp_path / "a.wav", ramp(10))
     whole = path.read_bytes()
     for rate in (1, 3999, 384_001, 2**32 - 1):
@@ -117,9 +117,7 @@ def test_what_a_header_says_is_not_believed_where_no_recording_is_like_that(tmp_
             load_wav("microphone", each)
 
 
-def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_too_long_recording_is_refused_with_a_hint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.microphone.wav_microphone.MAX_DURATION", 60.0)
     path = write(tmp_path / "a.wav", np.zeros(16_000 * 180, np.int16))
     with pytest.raises(NotConnected, match="lasts 3 min; the limit is 1 min") as raised:
@@ -127,7 +125,7 @@ def test_a_recording_that_is_too_long_is_refused_with_what_to_type(
     assert "ffmpeg" in raised.value.hint
 
 
-def test_closed_it_is_silent_and_opened_again_it_begins_anew(tmp_path: Path) -> None:
+def test_closed_microphone_is_silent_and_restarts_once_opened(tmp_path: Path) -> None:
     clock = ManualClock()
     microphone = WavMicrophone(write(tmp_path / "a.wav", ramp(400)), clock)
     microphone.close()
@@ -176,7 +174,7 @@ def test_sound_arrives_piece_by_piece_in_order_and_without_gaps(
     assert [notice.kind for notice in notices] == ["online"]
 
 
-def test_a_microphone_that_is_not_there_says_which_there_are(notices: list[DeviceStatus]) -> None:
+def test_missing_microphone_lists_the_available_ones(notices: list[DeviceStatus]) -> None:
     pytest.importorskip("miniaudio")
     microphone = SoundCardMicrophone(SystemClock(), device="golden ear", backend="null", report=notices.append)
     microphone.open()
@@ -196,9 +194,7 @@ sys.stdin.read()
 """
 
 
-def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hanging_capture_process_is_killed_and_restarted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = tmp_path / "hanging.py"
     program.write_text(HANGING)
     monkeypatch.setattr(sound_card, "WORKER_PROGRAM", program)
@@ -219,7 +215,7 @@ def test_a_program_that_gives_no_more_sound_is_killed_and_another_follows(
     assert microphone.read(-1) == []
 
 
-def test_recording_ends_when_no_more_sound_comes_or_nobody_wants_it() -> None:
+def test_recording_ends_without_sound_or_reader() -> None:
     worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
     orders, robot = os.pipe()
     try:
@@ -230,7 +226,7 @@ def test_recording_ends_when_no_more_sound_comes_or_nobody_wants_it() -> None:
         os.close(orders)
 
 
-def test_without_a_sound_card_the_reason_is_told_in_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_sound_card_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
 
     def failing(**_: object) -> None:
@@ -242,7 +238,7 @@ def test_without_a_sound_card_the_reason_is_told_in_words(monkeypatch: pytest.Mo
         worker.main()
 
 
-def test_as_long_as_sound_comes_it_goes_on(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
+def test_recording_continues_while_sound_arrives(capsysbinary: pytest.CaptureFixture[bytes]) -> None:
     worker = pytest.importorskip("drivers.microphone.capture_worker", exc_type=ImportError)
     forwarder = worker.SoundForwarder()
     sounds = forwarder.receive_sound()
@@ -262,7 +258,7 @@ def test_as_long_as_sound_comes_it_goes_on(capsysbinary: pytest.CaptureFixture[b
     assert capsysbinary.readouterr().out == 3 * b'{"bytes": 2}\n\1\2'
 
 
-def test_what_was_lost_on_the_way_shows_in_the_numbers() -> None:
+def test_lost_sound_shows_in_the_numbers() -> None:
     clock = ManualClock()
     microphone = SoundCardMicrophone(clock)
     piece = np.ones(PIECE_SAMPLES, "<i2").tobytes()
@@ -290,7 +286,7 @@ def test_stamps_are_steady_though_sound_arrives_unsteadily(delays: list[float]) 
     assert np.allclose(steps, 0.02, atol=0.001)
 
 
-def test_no_more_than_a_few_seconds_are_kept() -> None:
+def test_microphone_buffer_is_limited() -> None:
     clock = ManualClock()
     microphone = SoundCardMicrophone(clock)
     for _ in range(500):

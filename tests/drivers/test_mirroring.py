@@ -84,7 +84,7 @@ def pair() -> Iterator[Pair]:
     pair.close()
 
 
-def test_what_is_far_comes_over_slowly_then_follows_at_once(pair: Pair) -> None:
+def test_distant_follower_approaches_slowly_and_then_follows_at_once(pair: Pair) -> None:
     pair.turn(0.8)
     began, fastest = pair.follower.clock.now(), 0.0
     while abs(pair.at() - 0.8) > 0.02:
@@ -100,7 +100,7 @@ def test_what_is_far_comes_over_slowly_then_follows_at_once(pair: Pair) -> None:
     assert pair.rounds >= 0.9 * 300  # the leader was read a hundred times a second
 
 
-def test_a_goal_beyond_the_followers_limits_is_brought_to_them_and_a_gripper_goes_by_its_range(pair: Pair) -> None:
+def test_goal_is_clamped_and_the_gripper_follows_by_range(pair: Pair) -> None:
     pair.turn(1.9)
     for _ in range(400):
         pair.go_on()
@@ -108,7 +108,7 @@ def test_a_goal_beyond_the_followers_limits_is_brought_to_them_and_a_gripper_goe
     assert pair.at(6) == pytest.approx(-2.0 + 3.0 * (3.9 / 4.0), abs=0.02)
 
 
-def test_a_leader_that_falls_silent_leaves_the_follower_at_rest(pair: Pair) -> None:
+def test_silent_leader_leaves_the_follower_at_rest(pair: Pair) -> None:
     pair.turn(0.0)
     for _ in range(50):
         pair.go_on()
@@ -125,7 +125,7 @@ def test_a_leader_that_falls_silent_leaves_the_follower_at_rest(pair: Pair) -> N
     assert not any(servo.is_moving for servo in pair.follower.chain.servos)
 
 
-def test_a_follower_that_was_unplugged_in_mid_move_is_brought_over_anew_without_a_leap(pair: Pair) -> None:
+def test_replugged_follower_approaches_without_a_jump(pair: Pair) -> None:
     for _ in range(50):
         pair.go_on()
     pair.turn(0.4)
@@ -144,6 +144,6 @@ def test_a_follower_that_was_unplugged_in_mid_move_is_brought_over_anew_without_
     assert fastest <= MAX_APPROACH_SPEED * 1.21  # a shaft is seen to 5 ms, an angle to a step
 
 
-def test_only_joints_that_there_are_can_be_attended_to(pair: Pair) -> None:
+def test_poll_fast_refuses_unknown_joints(pair: Pair) -> None:
     with pytest.raises(BadRequest, match="no joint 'toe'"):
         pair.leader.joints.poll_fast(["toe"])

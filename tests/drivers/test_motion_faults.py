@@ -22,7 +22,7 @@ def test_a_fault_stops_the_base_within_a_second_and_ends_the_motion(seed: int) -
 
 
 @pytest.mark.parametrize("seed", range(tries(16, most=500)))
-def test_a_base_that_slips_climbs_or_reports_rarely_is_not_stopped(seed: int) -> None:
+def test_slipping_climbing_or_rarely_reporting_base_is_not_stopped(seed: int) -> None:
     ending = play(draw(seed, faulty=False))
     assert ending.status is SUCCESS, ending
 
@@ -43,7 +43,7 @@ def test_a_turn_ends_though_the_gyro_drifts(base: str, drift: float) -> None:
 
 @pytest.mark.parametrize("base", ["kobuki, wire", "create3, wire", "rover with encoders, wire"])
 @pytest.mark.parametrize("fault", ["blocked", "e-stop", "encoders lost", "reversed"])
-def test_it_fails_and_says_why_within_two_seconds(base: str, fault: str) -> None:
+def test_faulty_base_fails_with_a_reason_within_two_seconds(base: str, fault: str) -> None:
     ending = play(MotionCase(1, base, "drive", 0.5, 0.0, 0.2, fault=fault))
     assert ending.seconds < 2.0
     assert ending.reason.startswith("commanded ")
@@ -99,13 +99,13 @@ def test_a_retry_against_an_obstacle_tries_each_time_and_ends_latched(base: str)
     run.stand.base.close()
 
 
-def test_a_create3_that_backs_no_farther_fails_and_says_why_within_two_seconds() -> None:
+def test_create3_at_its_backup_limit_fails_with_a_reason() -> None:
     ending = play(MotionCase(1, "create3, wire", "drive", -0.3, 0.0, 0.2, fault="backup limit"))
     assert ending.seconds < 2.5
     assert "commanded -0.2 m/s" in ending.reason
 
 
-def test_a_turn_with_rare_odometry_has_time_for_its_corrections() -> None:
+def test_turn_with_rare_odometry_succeeds() -> None:
     case = draw(40016, faulty=False)
     assert (case.base, case.motion) == ("ros2 at 3 Hz, wire", "turn")
     assert play(case).status is SUCCESS

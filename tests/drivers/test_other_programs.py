@@ -71,7 +71,7 @@ def test_pyax12_scans_reads_and_moves() -> None:
     assert bus.servo(2).angle == pytest.approx(radians(45), abs=0.01)  # it counts 300/1023 degrees a step
 
 
-def test_the_plain_sdk_does_all_that_it_can_with_protocol_1() -> None:
+def test_vendor_sdk_works_with_protocol_1() -> None:
     bus = mixed_chain("AX-12A", "MX-28", "MX-64")
     seen = told("sdk_client", bus, "1")
     assert seen["found"] == [1, 2, 3]
@@ -84,7 +84,7 @@ def test_the_plain_sdk_does_all_that_it_can_with_protocol_1() -> None:
     assert seen["at another rate"]
 
 
-def test_the_plain_sdk_does_all_that_it_can_with_protocol_2() -> None:
+def test_vendor_sdk_works_with_protocol_2() -> None:
     bus = chain(3, "XL430-W250")
     bus.servo(3).overload()
     seen = told("sdk_client", bus, "2")
@@ -121,7 +121,7 @@ def test_lerobots_own_bus_calibrates_reads_and_moves_a_chain_of_feetech_servos(t
 
 
 @needs("lerobot")
-def test_lerobot_finds_a_lone_servo_at_another_rate_and_gives_it_its_id() -> None:
+def test_lerobot_sets_up_a_servo_at_another_rate() -> None:
     bus = VirtualServoBus([VirtualServo(1, model="STS3215")], 115_200)
     assert told("lerobot_client", bus, "alone") == {"found": 777, "at": 1_000_000}
     servo = bus.servos[0]
@@ -130,7 +130,7 @@ def test_lerobot_finds_a_lone_servo_at_another_rate_and_gives_it_its_id() -> Non
 
 
 @needs("scservo_sdk")
-def test_feetechs_own_sdk_scans_reads_and_moves_and_hears_what_ails_a_servo() -> None:
+def test_feetech_sdk_scans_reads_moves_and_reads_faults() -> None:
     bus = chain(3, "STS3215")
     bus.servo(3).temperature = 90.0
     seen = told("scservo_client", bus)

@@ -33,7 +33,7 @@ def straight() -> Image:
 
 
 @pytest.mark.parametrize(("yaw", "pitch"), [(0.0, 0.0), (0.2, 0.0), (-0.3, 0.1), (0.1, -0.25)])
-def test_a_turned_picture_is_what_a_turned_camera_would_have_seen(yaw: float, pitch: float) -> None:
+def test_rotated_picture_equals_the_view_of_a_rotated_camera(yaw: float, pitch: float) -> None:
     source = np.full_like(straight(), 255)
     within = rotate_view(source, Viewpoint(yaw=yaw, pitch=pitch), SIXTY)  # all white: the border takes the mean too
     assert within.min() >= 254
@@ -58,7 +58,7 @@ def test_looking_left_moves_the_picture_to_the_right_and_leaves_a_dull_edge() ->
 
 @settings(max_examples=40, deadline=None)
 @given(st.floats(-7, 7), st.floats(-1.5, 1.5), st.sampled_from([0.5, 1.05, 1.6, 2.2]))
-def test_what_is_behind_the_camera_never_shows(yaw: float, pitch: float, field_of_view: float) -> None:
+def test_area_behind_the_camera_is_never_visible(yaw: float, pitch: float, field_of_view: float) -> None:
     marked: Image = np.full((48, 64, 3), 100, np.uint8)
     marked[20:28, 28:36] = 255
     view = Viewpoint(yaw=yaw, pitch=pitch)
@@ -68,7 +68,7 @@ def test_what_is_behind_the_camera_never_shows(yaw: float, pitch: float, field_o
     assert moved.shape == marked.shape
 
 
-def test_a_panned_camera_asks_for_the_view_at_the_stamp_of_the_frame() -> None:
+def test_panned_camera_uses_the_view_at_the_frame_stamp() -> None:
     clock, asked = ManualClock(start=2.0), []
 
     def look(time: float) -> Viewpoint:

@@ -12,7 +12,7 @@ def machine() -> ManualClock:
     return ManualClock()
 
 
-def test_it_is_the_machines_clock_while_it_waits_for_nobody(machine: ManualClock) -> None:
+def test_patient_clock_equals_the_machine_clock_without_devices(machine: ManualClock) -> None:
     clock = PatientClock(machine)
     machine.advance(7.5)
     assert clock.now() == 7.5
@@ -31,7 +31,7 @@ def test_no_time_passes_while_one_of_two_is_held_up(machine: ManualClock) -> Non
     assert clock.now() == pytest.approx(MAX_DEVICE_DELAY + 0.01)
 
 
-def test_time_goes_on_for_the_others_once_one_is_gone(machine: ManualClock) -> None:
+def test_time_continues_after_a_device_unregisters(machine: ManualClock) -> None:
     clock = PatientClock(machine)
     clock.heartbeat("base")
     machine.advance(1.0)
@@ -41,7 +41,7 @@ def test_time_goes_on_for_the_others_once_one_is_gone(machine: ManualClock) -> N
     assert clock.now() == pytest.approx(MAX_DEVICE_DELAY + 1.0)
 
 
-def test_it_never_runs_backwards_whoever_comes_and_goes(machine: ManualClock) -> None:
+def test_patient_clock_never_runs_backwards(machine: ManualClock) -> None:
     clock, seen = PatientClock(machine), [0.0]
     for turn in range(500):
         machine.advance((turn * 37 % 11) / 100)

@@ -75,7 +75,7 @@ def woken(chip: Chip) -> Pca9685:
 # --- the chip and the pins --------------------------------------------------------------------------------------------
 
 
-def test_a_chip_is_woken_at_fifty_hertz_and_one_that_runs_is_left_alone() -> None:
+def test_chip_is_woken_at_50_hz_and_a_running_chip_is_left_alone() -> None:
     chip = Chip()
     Pca9685(chip, 0x40).wake()
     assert chip.registers[0xFE] == 121  # the data sheet's formula: 25 MHz / (4096 * 50 Hz) - 1
@@ -87,7 +87,7 @@ def test_a_chip_is_woken_at_fifty_hertz_and_one_that_runs_is_left_alone() -> Non
 
 
 @pytest.mark.parametrize("degree", [0, 45, 90, 120, 180])
-def test_a_servo_gets_the_pulses_of_the_arduino_and_is_found_where_it_was_sent(degree: int) -> None:
+def test_servo_angle_becomes_arduino_pulses_and_is_read_back(degree: int) -> None:
     chip = Chip()
     board = woken(chip)
     assert board.read_angle(3) is None, "after it was switched on it sends nobody anywhere"
@@ -99,14 +99,14 @@ def test_a_servo_gets_the_pulses_of_the_arduino_and_is_found_where_it_was_sent(d
     assert board.read_angle(4) is None, "a motor's channel is no servo's"
 
 
-def test_servos_start_where_the_chip_has_sent_them() -> None:
+def test_servos_start_at_the_angles_of_the_chip() -> None:
     chip = Chip()
     assert make_servos(woken(chip), 0, 1).positions() == (guardian_wire.UNKNOWN_ANGLE, guardian_wire.UNKNOWN_ANGLE)
     woken(chip).set_angle(1, 70)
     assert make_servos(woken(chip), 0, 1).positions() == (guardian_wire.UNKNOWN_ANGLE, 70)
 
 
-def test_pulses_of_somebody_with_another_frequency_are_taken_for_no_place_and_end() -> None:
+def test_pulses_at_another_frequency_are_unknown_and_switched_off() -> None:
     chip = Chip()
     woken(chip).set_angle(0, 90)
     chip.registers[0xFE] = 101  # 60 Hz: the same counts are shorter pulses
@@ -120,7 +120,7 @@ OF_ADAFRUIT = {0: (111, 0), 45: (206, 0), 90: (45, 1), 135: (140, 1), 180: (235,
 50 Hz and pulses of 544 to 2400 us; it cuts where we round."""
 
 
-def test_a_chip_is_told_what_the_library_of_its_makers_tells_it() -> None:
+def test_chip_registers_match_the_vendor_library() -> None:
     chip = Chip()
     for degree, (low, high) in OF_ADAFRUIT.items():
         woken(chip).set_angle(0, degree)
@@ -154,7 +154,7 @@ def pins() -> Iterator[Callable[[int], float]]:
     Device.pin_factory = before
 
 
-def test_a_motor_on_pins_turns_both_ways_and_stands(pins: Callable[[int], float]) -> None:
+def test_pin_motor_turns_both_ways_and_stops(pins: Callable[[int], float]) -> None:
     two, three = make_pin_motor(TWO), make_pin_motor(THREE)
     for share in (0.6, -0.3, 1.0, 0.0):
         two(share)
@@ -252,7 +252,7 @@ def drive(journal: Journal) -> Iterator[Callable[[Mapping[str, object]], "subpro
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("told", [GPIO, CHIP], ids=["gpio", "pca9685"])
-def test_a_driver_that_is_killed_leaves_motors_that_stand(
+def test_killed_driver_leaves_stopped_motors(
     told: Mapping[str, object], journal: Journal, drive: Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]
 ) -> None:
     driver = drive(told)
@@ -276,7 +276,7 @@ class Stubborn:
 
 
 @pytest.mark.parametrize(("fails", "is_told"), [(0, False), (REST_TRIES - 1, False), (REST_TRIES, True)])
-def test_a_guardian_that_cannot_let_the_motors_rest_says_so(
+def test_guardian_that_cannot_rest_reports_a_fault(
     fails: int, is_told: bool, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     keeper = Stubborn(fails)
@@ -289,7 +289,7 @@ def test_a_guardian_that_cannot_let_the_motors_rest_says_so(
     assert ("the actuators may not be at rest: OSError: no acknowledgement" in capfd.readouterr().out) == is_told
 
 
-def test_where_the_guardian_is_killed_another_one_stops_the_motors_first(
+def test_restarted_guardian_stops_the_motors_first(
     journal: Journal, drive: Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]
 ) -> None:
     driver = drive(CHIP)
@@ -313,7 +313,7 @@ def children(pid: int) -> list[str]:
 
 
 @pytest.mark.real_time
-def test_a_driver_that_stands_still_leaves_motors_that_stand(
+def test_suspended_driver_leaves_stopped_motors(
     journal: Journal, drive: Callable[[Mapping[str, object]], "subprocess.Popen[bytes]"]
 ) -> None:
     driver = drive(CHIP)
@@ -325,7 +325,7 @@ def test_a_driver_that_stands_still_leaves_motors_that_stand(
 
 
 @pytest.mark.real_time
-def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(journal: Journal) -> None:
+def test_guardian_ignores_terminal_signals_and_ends_with_its_driver(journal: Journal) -> None:
     guardian = GuardianLauncher(CHIP, MOCK)("base", "the guardian", guardian_wire.BAUD)
     try:
         boot = hello(guardian)
@@ -343,7 +343,7 @@ def test_a_guardian_hears_no_signals_of_a_terminal_and_ends_with_its_driver(jour
 
 
 @pytest.mark.usefixtures("journal")
-def test_another_guardian_knows_where_the_servos_stand() -> None:
+def test_restarted_guardian_knows_the_servo_angles() -> None:
     for expected, goal in (
         ((guardian_wire.UNKNOWN_ANGLE, guardian_wire.UNKNOWN_ANGLE), (80, 100)),
         ((80, 100), (81, 101)),
@@ -358,7 +358,7 @@ def test_another_guardian_knows_where_the_servos_stand() -> None:
             guardian.close()
 
 
-def test_a_pi_without_pins_is_told_in_words() -> None:
+def test_computer_without_pins_is_reported() -> None:
     dials = GuardianLauncher({"motors": "gpio", "left": {}, "right": {}}, COMMAND)
     guardian = dials("base", "the guardian", guardian_wire.BAUD)
     said = ""

@@ -46,7 +46,7 @@ def _refused(camera: Camera) -> bool:
     return "has 12000 x 12000 pixels" in camera.health().detail
 
 
-def test_the_header_of_each_kind_tells_the_size() -> None:
+def test_picture_header_gives_the_size() -> None:
     wrong = []
     for kind in KINDS:
         for width, height in ((64, 48), (3, 500), (1000, 1)):
@@ -58,7 +58,7 @@ def test_the_header_of_each_kind_tells_the_size() -> None:
     assert wrong == []
 
 
-def test_a_header_that_is_cut_off_or_nonsense_tells_no_size_and_raises_nothing() -> None:
+def test_invalid_picture_header_gives_no_size() -> None:
     random = np.random.default_rng(0)
     for kind in KINDS:
         whole = written(kind, 64, 48)
@@ -69,7 +69,7 @@ def test_a_header_that_is_cut_off_or_nonsense_tells_no_size_and_raises_nothing()
     assert decode_picture(b"") is decode_picture(b"a text") is None
 
 
-def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path: Path) -> None:
+def test_huge_picture_is_refused_by_every_reader(tmp_path: Path) -> None:
     path = tmp_path / "huge.png"
     path.write_bytes(empty_png(12_000, 12_000))
     words = r"huge\.png: has 12000 x 12000 pixels, above the limit of 50 million"
@@ -88,9 +88,7 @@ def test_a_picture_that_would_take_gigabytes_is_refused_by_every_reader(tmp_path
             wait_until(partial(_refused, camera))
 
 
-def test_a_film_with_frames_that_are_too_large_is_refused_before_one_is_decoded(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_film_with_huge_frames_is_refused_before_decoding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.pictures.decode.MAX_PIXELS", 3000)
     monkeypatch.setattr("drivers.pictures.decode.grab_picture", None)
     film = tmp_path / "wide.avi"
@@ -101,13 +99,13 @@ def test_a_film_with_frames_that_are_too_large_is_refused_before_one_is_decoded(
         list(iter_pictures([film]))
 
 
-def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+def test_pipe_is_refused_as_a_picture(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.png")
     with pytest.raises(BadRequest, match=r"pipe\.png: not a regular file"):
         load_picture(tmp_path / "pipe.png")
 
 
-def test_a_portrait_that_would_take_gigabytes_is_left_out(tmp_path: Path) -> None:
+def test_huge_portrait_is_skipped(tmp_path: Path) -> None:
     people, told = People(tmp_path), list[PeopleError]()
     people.add("Anna", [np.full((20, 20, 3), level, np.uint8) for level in (1, 2, 3)])
     (tmp_path / "Anna/004.png").write_bytes(empty_png(4_000, 4_000))

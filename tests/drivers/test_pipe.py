@@ -33,9 +33,7 @@ messages = st.lists(
 
 
 @given(messages, st.lists(st.integers(1, 30), min_size=1))
-def test_messages_come_out_as_they_went_in_wherever_they_are_cut(
-    sent: list[tuple[dict[str, Any], bytes]], cuts: list[int]
-) -> None:
+def test_messages_round_trip_for_any_chunking(sent: list[tuple[dict[str, Any], bytes]], cuts: list[int]) -> None:
     data, unframer = b"".join(pack_message(head, body) for head, body in sent), MessageParser()
     got: list[tuple[dict[str, Any], bytes]] = []
     while data:
@@ -48,7 +46,7 @@ def test_messages_come_out_as_they_went_in_wherever_they_are_cut(
 @pytest.mark.parametrize(
     "nonsense", [b"hello\n", b"[1]\n", b'"x"\n', b'{"bytes":-5}\n', b'{"bytes":null}\n', b'{"bytes":"5"}\n']
 )
-def test_what_is_no_message_is_refused(nonsense: bytes) -> None:
+def test_malformed_message_is_refused(nonsense: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
         list(MessageParser().feed(nonsense))
 
@@ -99,7 +97,7 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
         worker.close()
 
 
-def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> None:
+def test_worker_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
     body = bytes(range(256)) * 2000
@@ -112,7 +110,7 @@ def test_it_is_told_and_answers_with_bodies_larger_than_a_pipe(bench: Bench) -> 
     assert worker.health().online
 
 
-def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: Bench) -> None:
+def test_dead_worker_is_reported_with_its_last_line_and_restarted(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
     worker.send({"die": "out of paper"})
@@ -125,20 +123,20 @@ def test_one_that_dies_is_reported_with_its_last_words_and_started_again(bench: 
     assert worker.health().counters["starts"] == 2
 
 
-def test_one_that_talks_nonsense_is_not_believed(bench: Bench) -> None:
+def test_worker_with_malformed_output_is_killed(bench: Bench) -> None:
     bench.run("print('hello', flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.losses)
     assert "ended with -9" in bench.ear.losses[0]
 
 
 @pytest.mark.parametrize("nonsense", ['{"bytes": null}', "[" * 100_000])
-def test_no_nonsense_is_the_last_that_is_read(bench: Bench, nonsense: str) -> None:
+def test_worker_restarts_after_malformed_output(bench: Bench, nonsense: str) -> None:
     bench.run(f"print({nonsense!r}, flush=True); import sys; sys.stdin.read()")
     wait_until(lambda: bench.ear.starts >= 2)
     assert "ended with -9" in bench.ear.losses[0]
 
 
-def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
+def test_last_line_of_the_worker_errors_is_reported(bench: Bench) -> None:
     bench.run(
         "raise SystemExit('pcm.c:2666: unknown\\npcm.c:2667: odd\\n' + 'é' * 50 + ' no card ' + '!' * 150 + '\\n\\n')"
     )
@@ -146,7 +144,7 @@ def test_of_what_it_complained_the_last_line_is_passed_on(bench: Bench) -> None:
     assert bench.ear.losses[0] == "voice: program: ended with 1: " + "é" * 41 + " no card " + "!" * 150
 
 
-def test_a_complaint_is_passed_on_though_nobody_read_before_the_end(bench: Bench) -> None:
+def test_worker_error_is_reported_although_unread_before_its_end(bench: Bench) -> None:
     def outlived() -> None:
         process = bench.workers[0]._process
         assert process is not None
@@ -158,7 +156,7 @@ def test_a_complaint_is_passed_on_though_nobody_read_before_the_end(bench: Bench
     assert bench.ear.losses[0] == "voice: program: ended with 1: no card"
 
 
-def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
+def test_killed_worker_is_offline_at_once_and_restarted(bench: Bench) -> None:
     worker = bench.run(ECHO)
     wait_until(lambda: bench.ear.starts)
     worker.kill()
@@ -169,7 +167,7 @@ def test_killed_it_is_gone_at_once_and_another_follows(bench: Bench) -> None:
     wait_until(lambda: bench.ear.starts == 2)
 
 
-def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench) -> None:
+def test_unresponsive_worker_is_killed(bench: Bench) -> None:
     worker = bench.run("import threading; threading.Event().wait()")
     wait_until(lambda: bench.ear.starts)
     with pytest.raises(NoReply, match=r"accepted no data for 0\.05 s"):
@@ -177,7 +175,7 @@ def test_one_that_does_not_listen_is_killed_rather_than_waited_for(bench: Bench)
     wait_until(lambda: bench.ear.losses)
 
 
-def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
+def test_worker_that_cannot_start_gives_the_reason(bench: Bench) -> None:
     worker = bench.run("raise SystemExit('no model')")
     wait_until(lambda: bench.ear.losses)
     health = worker.health()
@@ -186,7 +184,7 @@ def test_a_program_that_cannot_be_run_says_why(bench: Bench) -> None:
     assert len(bench.notices) == 1
 
 
-def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
+def test_exceptions_in_the_listener_are_harmless(bench: Bench) -> None:
     class Clumsy(Ear):
         def on_message(self, message: Mapping[str, Any], body: bytes) -> None:
             super().on_message(message, body)
@@ -201,7 +199,7 @@ def test_what_a_talker_raises_does_no_harm(bench: Bench) -> None:
     assert bench.ear.losses == []
 
 
-def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
+def test_worker_can_be_closed_in_any_state_and_reopened(bench: Bench) -> None:
     worker = WorkerProcess("voice", bench.folder / "none.py", SystemClock())
     worker.close()
     worker.kill()
@@ -217,7 +215,7 @@ def test_closed_in_any_state_and_opened_again_it_runs(bench: Bench) -> None:
     assert bench.notices == []
 
 
-def test_a_program_ends_when_nobody_can_talk_to_it_any_more(tmp_path: Path) -> None:
+def test_worker_ends_when_its_input_closes(tmp_path: Path) -> None:
     program = tmp_path / "echo.py"
     program.write_text(ECHO)
     with Popen([sys.executable, "-I", str(program)], stdin=PIPE, stdout=DEVNULL) as process:

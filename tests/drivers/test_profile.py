@@ -30,9 +30,7 @@ def seconds_to(goal: float, step: float) -> float:
 
 
 @given(angles, st.lists(st.tuples(angles, st.floats(0, 0.5)), max_size=20))
-def test_a_profile_keeps_to_its_speed_and_its_acceleration_whatever_it_is_told(
-    start: float, moves: list[tuple[float, float]]
-) -> None:
+def test_profile_respects_speed_and_acceleration(start: float, moves: list[tuple[float, float]]) -> None:
     way, now = profile(start), 0.0
     for goal, seconds in moves:
         way.set_goal(goal, now)
@@ -44,7 +42,7 @@ def test_a_profile_keeps_to_its_speed_and_its_acceleration_whatever_it_is_told(
 
 
 @given(angles, angles, st.floats(0.001, MAX_STEP))
-def test_from_rest_it_never_overshoots_and_never_turns_back(start: float, goal: float, step: float) -> None:
+def test_profile_from_rest_never_overshoots_or_turns_back(start: float, goal: float, step: float) -> None:
     way = profile(start)
     way.set_goal(goal, now=0.0)
     positions = [way.advance(number * step) for number in range(1, 200)]
@@ -54,18 +52,18 @@ def test_from_rest_it_never_overshoots_and_never_turns_back(start: float, goal: 
 
 
 @given(angles.filter(lambda goal: abs(goal) > 1e-3), st.sampled_from([0.003, 0.02, 0.05]))
-def test_it_arrives_as_soon_as_speed_and_acceleration_allow(goal: float, step: float) -> None:
+def test_profile_arrives_in_minimum_time(goal: float, step: float) -> None:
     limits = HeadLimits((-3, 3), (-3, 3), SPEED, ACCELERATION)
     assert seconds_to(goal, step) == pytest.approx(limits.time_for(goal), abs=step + 1e-6)
 
 
 @pytest.mark.parametrize(("angle", "seconds"), [(0.0, 0.0), (0.28, 0.4), (-0.28, 0.4), (2.0, 1.0 + 2.0 / 7.0)])
-def test_the_time_for_a_turn_is_that_of_the_trapezoid(angle: float, seconds: float) -> None:
+def test_time_for_a_turn_is_that_of_a_trapezoid(angle: float, seconds: float) -> None:
     assert HeadLimits((-3, 3), (-3, 3), SPEED, ACCELERATION).time_for(angle) == pytest.approx(seconds)
 
 
 @given(angles, angles, angles, st.floats(0.0, 1.0))
-def test_where_it_is_does_not_depend_on_how_often_it_was_asked(
+def test_profile_position_is_independent_of_the_step_rate(
     start: float, goal: float, other: float, turned: float
 ) -> None:
     often, seldom = profile(start), profile(start)
@@ -82,7 +80,7 @@ def test_where_it_is_does_not_depend_on_how_often_it_was_asked(
 
 
 @given(angles, st.floats(0.05, 2.0))
-def test_braking_it_comes_to_rest_within_what_its_acceleration_needs(goal: float, after: float) -> None:
+def test_braking_takes_the_distance_of_the_acceleration(goal: float, after: float) -> None:
     way = profile()
     way.set_goal(goal, now=0.0)
     steps = round(after / 0.01)
@@ -97,7 +95,7 @@ def test_braking_it_comes_to_rest_within_what_its_acceleration_needs(goal: float
     assert abs(way.position - began) == pytest.approx(speed**2 / (2 * ACCELERATION), abs=1e-9)
 
 
-def test_turned_round_in_full_motion_it_brakes_first() -> None:
+def test_reversed_profile_brakes_first() -> None:
     way = profile()
     way.set_goal(3.0, now=0.0)
     for number in range(1, 11):
@@ -109,7 +107,7 @@ def test_turned_round_in_full_motion_it_brakes_first() -> None:
     assert way.velocity == pytest.approx(SPEED - ACCELERATION * 0.1)
 
 
-def test_halted_it_stands_still_at_once_and_placed_it_goes_on_from_there() -> None:
+def test_halted_profile_stops_at_once_and_can_be_placed() -> None:
     way = profile()
     way.set_goal(1.0, now=0.0)
     way.advance(0.1)
@@ -122,7 +120,7 @@ def test_halted_it_stands_still_at_once_and_placed_it_goes_on_from_there() -> No
     assert -1.0 < way.advance(0.4) < -0.9
 
 
-def test_called_by_another_number_it_goes_on_as_smoothly() -> None:
+def test_shifted_profile_continues_smoothly() -> None:
     way = profile()
     way.set_goal(1.0, now=0.0)
     way.advance(0.1)
@@ -132,7 +130,7 @@ def test_called_by_another_number_it_goes_on_as_smoothly() -> None:
     assert way.position == pytest.approx(0.5 + ACCELERATION * 0.01 / 2)
 
 
-def test_a_thread_that_was_held_up_makes_no_jump() -> None:
+def test_delayed_thread_makes_no_jump() -> None:
     way = profile()
     way.set_goal(1.0, now=0.0)
     assert way.advance(5.0) == pytest.approx(ACCELERATION * MAX_STEP**2 / 2)

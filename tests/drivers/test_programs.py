@@ -32,7 +32,7 @@ COMMANDS = {
 
 
 @each("words", list(COMMANDS))
-def test_a_program_is_named_as_it_was_typed(words: tuple[str, ...], tmp_path: Path) -> None:
+def test_program_is_named_as_typed(words: tuple[str, ...], tmp_path: Path) -> None:
     root = tmp_path / str(list(COMMANDS).index(words))
     folder = root / "proc" / "7"
     folder.mkdir(parents=True)
@@ -44,14 +44,14 @@ def test_a_program_is_named_as_it_was_typed(words: tuple[str, ...], tmp_path: Pa
     assert (str(found), found.end_command) == (f"{name} (process 7)", ends)
 
 
-def test_nobody_else_holds_a_port_of_this_process_or_one_that_is_free() -> None:
+def test_own_or_free_tcp_port_has_no_other_holders() -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as found:
         port = found.getsockname()[1]
         assert tcp_holders(port) == []
     assert tcp_holders(port) == []
 
 
-def test_a_device_is_held_by_the_other_processes_that_have_it_open() -> None:
+def test_device_holders_are_the_other_processes_with_it_open() -> None:
     master, slave = os.openpty()
     try:
         port = os.ttyname(slave)
@@ -68,7 +68,7 @@ def test_a_device_is_held_by_the_other_processes_that_have_it_open() -> None:
         os.close(slave)
 
 
-def test_a_port_that_a_run_of_ours_holds_names_the_run_and_how_to_end_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_port_held_by_a_run_names_the_run_and_its_stop_command(monkeypatch: pytest.MonkeyPatch) -> None:
     held = [Program(4711, "mission run greet"), Program(9, "ModemManager")]
     monkeypatch.setattr(ports, "device_holders", lambda _: held)
     error = ports.make_port_error("base", "/dev/ttyUSB0", OSError(errno.EBUSY, "busy"))
@@ -83,7 +83,7 @@ def test_a_port_that_a_run_of_ours_holds_names_the_run_and_how_to_end_it(monkeyp
 READER = "import os, sys; number = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY); print('open', flush=True); input()"
 
 
-def test_a_port_that_another_program_reads_is_not_opened() -> None:
+def test_port_read_by_another_program_is_not_opened() -> None:
     master, slave = os.openpty()
     port = os.ttyname(slave)
     try:

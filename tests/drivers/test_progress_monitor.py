@@ -84,9 +84,7 @@ class Bench:
 
 @pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.0, -1.0), Velocity(0.2, 0.4)])
 @pytest.mark.parametrize("report", [nothing, mirrored])
-def test_a_base_that_measures_nothing_or_the_opposite_is_stopped_within_a_second(
-    velocity: Velocity, report: Report
-) -> None:
+def test_blocked_or_reversed_base_is_stopped_within_1_3_seconds(velocity: Velocity, report: Report) -> None:
     bench = Bench(report, wheels=SimulatedWheels(dead_time=0.1))
     assert bench.time_to_fault(velocity) <= 1.3
     assert bench.mux.next_velocity(bench.now, bench.felt) == ZERO_VELOCITY
@@ -102,7 +100,7 @@ def test_the_reason_names_command_time_source_and_overcurrent() -> None:
     assert "encoders report 0 m: blocked or not connected; overcurrent on the left wheel" in fault
 
 
-def test_encoders_that_stop_counting_under_way_stop_the_base_within_a_second() -> None:
+def test_stalled_encoders_stop_the_base_within_a_second() -> None:
     bench = Bench()
     assert not bench.drive(AHEAD, 2.0)
     lost = bench.felt
@@ -114,7 +112,7 @@ def test_encoders_that_stop_counting_under_way_stop_the_base_within_a_second() -
 @pytest.mark.parametrize("late", [0.0, 0.15])
 @pytest.mark.parametrize("dead_time", [0.0, 0.25])
 @pytest.mark.parametrize("acceleration", [0.6, 2.0])
-def test_a_base_that_obeys_is_left_alone(interval: float, late: float, dead_time: float, acceleration: float) -> None:
+def test_obedient_base_is_not_stopped(interval: float, late: float, dead_time: float, acceleration: float) -> None:
     wheels = SimulatedWheels(dead_time=dead_time, acceleration=acceleration, slip=0.2)
     bench = Bench(interval=interval, late=late, wheels=wheels)
     for velocity in (
@@ -125,12 +123,12 @@ def test_a_base_that_obeys_is_left_alone(interval: float, late: float, dead_time
         bench.drive(ZERO_VELOCITY, 0.1)
 
 
-def test_dead_reckoning_is_never_compared_with_its_own_commands() -> None:
+def test_dead_reckoning_is_not_monitored() -> None:
     bench = Bench(lambda _: BaseState(Pose2D(0.0, 0.0, 0.0), ZERO_VELOCITY, reckoned=True))
     assert not bench.drive(AHEAD, 5.0)
 
 
-def test_a_computer_that_was_held_up_is_no_fault_of_the_base() -> None:
+def test_computer_delay_is_not_a_fault_of_the_base() -> None:
     bench = Bench()
     assert not bench.drive(AHEAD, 1.5)
     bench.wheels.command(0.0, 0.0, bench.now + 0.4)  # the base's own watchdog
@@ -146,7 +144,7 @@ def test_a_moving_base_without_reports_is_stopped() -> None:
     assert "no report" in faults[-1].reason
 
 
-def test_a_monitor_that_raises_stops_the_base() -> None:
+def test_exception_in_the_monitor_stops_the_base() -> None:
     class Broken(ProgressMonitor):
         def update(self, now: float, sent: Velocity, state: BaseState | None) -> None:
             raise ZeroDivisionError(now, sent, state)
@@ -171,7 +169,7 @@ def test_renewed_commands_do_not_restart_a_stopped_base_but_fresh_ones_do() -> N
 
 
 @pytest.mark.parametrize("pause", [ZERO_VELOCITY, None])
-def test_a_key_that_is_released_lets_a_person_begin_anew(pause: Velocity | None) -> None:
+def test_released_key_clears_the_fault_for_teleoperation(pause: Velocity | None) -> None:
     bench = Bench(nothing)
     while not bench.drive(AHEAD, PERIOD, Source.TELEOP):
         pass
@@ -183,7 +181,7 @@ def test_a_key_that_is_released_lets_a_person_begin_anew(pause: Velocity | None)
     assert bench.mux.steering.allowed == AHEAD
 
 
-def test_faults_that_recur_latch_the_base_until_it_is_enabled() -> None:
+def test_repeated_motion_faults_latch_the_base() -> None:
     bench = Bench(nothing)
     for _ in range(MAX_FAULTS - 1):
         bench.time_to_fault(AHEAD)
@@ -198,7 +196,7 @@ def test_faults_that_recur_latch_the_base_until_it_is_enabled() -> None:
     assert not bench.drive(AHEAD, 1.0)
 
 
-def test_overcurrent_that_lasts_stops_a_base_whose_wheels_slip() -> None:
+def test_lasting_overcurrent_stops_a_slipping_base() -> None:
     bench = Bench(lambda wheels: BaseState(wheels.pose, wheels.velocity, overcurrent=Sides(right=True)))
     assert bench.time_to_fault(AHEAD) == pytest.approx(1.0, abs=0.1)
     assert "overcurrent on the right wheel" in bench.mux.steering.fault
@@ -236,7 +234,7 @@ def test_a_stop_of_the_mission_releases_no_person() -> None:
         assert bench.drive(AHEAD, 0.1, Source.TELEOP)
 
 
-def test_leaves_that_try_again_at_once_latch_a_blocked_base_at_the_third_fault() -> None:
+def test_immediate_retries_latch_a_blocked_base_at_the_third_fault() -> None:
     bench = Bench(nothing)
     faults = 0
     while not bench.mux.latched:

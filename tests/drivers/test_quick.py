@@ -49,7 +49,7 @@ def made(maker: Callable[..., Any], **options: bool) -> type[Any]:
 @pytest.mark.parametrize("kw_only", [False, True])
 @pytest.mark.parametrize("slots", [False, True])
 @pytest.mark.parametrize("frozen", [False, True])
-def test_they_are_made_shown_compared_and_refused_alike(
+def test_quick_and_standard_dataclasses_behave_alike(
     maker: Callable[..., Any], frozen: bool, slots: bool, kw_only: bool
 ) -> None:
     robot = made(maker, frozen=frozen, slots=slots, kw_only=kw_only)
@@ -83,7 +83,7 @@ def test_they_are_made_shown_compared_and_refused_alike(
 
 
 @pytest.mark.parametrize("maker", MAKERS)
-def test_frozen_ones_have_a_hash_and_others_have_none(maker: Callable[..., Any]) -> None:
+def test_only_frozen_dataclasses_are_hashable(maker: Callable[..., Any]) -> None:
     for frozen, eq in ((True, True), (False, True), (True, False), (False, False)):
 
         class Same:
@@ -99,7 +99,7 @@ def test_frozen_ones_have_a_hash_and_others_have_none(maker: Callable[..., Any])
 
 
 @pytest.mark.parametrize("maker", MAKERS)
-def test_methods_of_their_own_stay_and_one_number_that_is_none_equals_itself(maker: Callable[..., Any]) -> None:
+def test_own_methods_are_kept_and_nan_equals_itself(maker: Callable[..., Any]) -> None:
     class Number:
         value: float
 
@@ -114,7 +114,7 @@ def test_methods_of_their_own_stay_and_one_number_that_is_none_equals_itself(mak
 
 @pytest.mark.parametrize("child", MAKERS)
 @pytest.mark.parametrize("parent", MAKERS)
-def test_one_inherits_the_fields_of_another_of_whatever_make(
+def test_quick_and_standard_dataclasses_inherit_from_each_other(
     parent: Callable[..., Any], child: Callable[..., Any]
 ) -> None:
     class Base:
@@ -135,7 +135,7 @@ def test_one_inherits_the_fields_of_another_of_whatever_make(
 @pytest.mark.parametrize("child", MAKERS)
 @pytest.mark.parametrize("parent", MAKERS)
 @pytest.mark.parametrize("frozen", [False, True])
-def test_none_that_is_frozen_inherits_from_one_that_is_not_nor_the_reverse(
+def test_frozen_and_unfrozen_dataclasses_do_not_inherit(
     parent: Callable[..., Any], child: Callable[..., Any], frozen: bool
 ) -> None:
     class Base:

@@ -46,7 +46,7 @@ def after(linear: float, angular: float, seconds: float) -> Pose2D:
 
 @pytest.mark.parametrize("speed", [0.1, 0.3, 0.5, 1.0])
 @pytest.mark.parametrize("lag", [0.0, 0.2])
-def test_straight_ahead_it_stops_the_gap_before_a_wall(speed: float, lag: float) -> None:
+def test_guard_stops_the_gap_before_a_wall(speed: float, lag: float) -> None:
     room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), speed=speed, lag=lag)
     room.drive(speed, seconds=20.0)
     assert room.base.body.velocity == Velocity(0.0, 0.0)
@@ -58,9 +58,7 @@ def test_straight_ahead_it_stops_the_gap_before_a_wall(speed: float, lag: float)
 @pytest.mark.parametrize("linear", [0.4, -0.4])
 @pytest.mark.parametrize("angular", [0.0, 0.3, -0.3, 0.9, -0.9, 1.8, -1.8])
 @pytest.mark.parametrize("side", [-0.15, 0.0, 0.15])
-def test_on_every_arc_forwards_and_backwards_it_stops_before_what_its_body_would_sweep(
-    linear: float, angular: float, side: float
-) -> None:
+def test_guard_stops_on_every_arc_before_the_swept_obstacle(linear: float, angular: float, side: float) -> None:
     there = after(linear, angular, 2.0)
     x, y = there.x - side * sin(there.heading), there.y + side * cos(there.heading)
     if hypot(x, y) < 0.3:
@@ -73,14 +71,14 @@ def test_on_every_arc_forwards_and_backwards_it_stops_before_what_its_body_would
     assert room.base.body.velocity == Velocity(0.0, 0.0)
 
 
-def test_what_it_only_passes_does_not_stop_it() -> None:
+def test_guard_ignores_obstacles_beside_the_path() -> None:
     room = GuardedBase(hall_with((1.0, 0.30), (1.5, -0.30)))
     room.drive(0.3, seconds=8.0)
     assert room.pose.x > 2.0
 
 
 @pytest.mark.parametrize("angle", [0, 20, 45, 90, 135, 180, -90])
-def test_a_base_beside_a_wall_turns_and_leaves_it(angle: float) -> None:
+def test_base_beside_a_wall_can_turn_and_leave(angle: float) -> None:
     wall = SimulatedWorld(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))  # its walls are 5 m away
     room = GuardedBase(wall, start=Pose2D(5.0 - 0.177 - 0.03, 0.0, radians(angle)))
     before = room.pose
@@ -92,7 +90,7 @@ def test_a_base_beside_a_wall_turns_and_leaves_it(angle: float) -> None:
     assert room.pose.x < before.x - 0.4
 
 
-def test_a_base_beside_a_wall_backs_off_and_drives_along_it_but_comes_no_nearer() -> None:
+def test_base_at_a_wall_can_leave_but_not_approach() -> None:
     wall = SimulatedWorld(room=Room(10.0, 10.0, centre=(0.0, 0.0), fixtures=()))
     near = 5.0 - 0.177 - 0.035
     ahead = GuardedBase(wall, start=Pose2D(near, 0.0, 0.0))
@@ -105,7 +103,7 @@ def test_a_base_beside_a_wall_backs_off_and_drives_along_it_but_comes_no_nearer(
     assert along.pose.y > 1.0
 
 
-def test_it_does_not_creep_up_to_a_wall_however_long_it_is_told_to() -> None:
+def test_guard_does_not_creep_up_to_a_wall() -> None:
     room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), noise=0.02)
     room.drive(0.5, seconds=10.0)
     there = room.pose.x
@@ -117,7 +115,7 @@ def test_it_does_not_creep_up_to_a_wall_however_long_it_is_told_to() -> None:
 # --- its shape --------------------------------------------------------------------------------------------------------
 
 
-def test_the_distance_from_an_outline_is_never_more_than_it_truly_is() -> None:
+def test_outline_clearance_is_a_lower_bound() -> None:
     here = PathPoses(np.zeros(1), np.zeros(1), np.array([radians(30)]))
     x = np.tile(np.linspace(-1, 1, 41), 41)
     y = np.repeat(np.linspace(-1, 1, 41), 41)
@@ -131,7 +129,7 @@ def test_the_distance_from_an_outline_is_never_more_than_it_truly_is() -> None:
     assert RoundOutline(0.2).clearance(x, y, here)[:, 0] == pytest.approx(np.hypot(x, y) - 0.2)
 
 
-def test_a_rectangular_base_does_not_turn_its_corner_into_a_wall_and_turns_where_there_is_room() -> None:
+def test_rectangular_base_turns_only_with_room_for_its_corners() -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger, guard=RangeGuardKeys(footprint=CORNERS, gap=0.03))
     wall = [(x / 50, 0.21) for x in range(-20, 21)]
@@ -155,7 +153,7 @@ def test_a_footprint_must_enclose_the_middle_of_the_base(corners: tuple[tuple[fl
     assert not [*RangeGuardKeys(footprint=CORNERS).diagnostics()]
 
 
-def test_parts_of_the_robot_itself_do_not_stop_it() -> None:
+def test_points_on_the_robot_itself_do_not_stop_the_base() -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
     posts = [(0.12, 0.08), (0.12, -0.08), (-0.12, 0.08)]
@@ -167,7 +165,7 @@ def test_parts_of_the_robot_itself_do_not_stop_it() -> None:
 
 
 @pytest.mark.parametrize("source", [Source.MISSION, Source.TELEOP])
-def test_it_holds_whoever_commands_and_says_so_in_what_is_given(source: Source) -> None:
+def test_guard_applies_to_every_source_and_reports_the_reason(source: Source) -> None:
     room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())))
     room.drive(0.5, seconds=10.0, source=source)
     steering = room.base.steering()
@@ -177,7 +175,7 @@ def test_it_holds_whoever_commands_and_says_so_in_what_is_given(source: Source) 
     assert room.base.drive(Velocity(0.5, 0.0), source=source) == Velocity(0.0, 0.0)
 
 
-def test_it_does_not_back_off_from_a_bump_into_what_it_sees_behind() -> None:
+def test_back_off_is_guarded_against_obstacles_behind() -> None:
     room = GuardedBase(hall_with((-0.26, 0.0)), speed=0.3)
     before = room.clear()
     room.base.press(Sides(left=True))
@@ -185,7 +183,7 @@ def test_it_does_not_back_off_from_a_bump_into_what_it_sees_behind() -> None:
     assert room.least_clear >= min(before, 0.05) - 0.015
 
 
-def test_off_it_drives_as_it_is_told() -> None:
+def test_guard_off_lets_the_base_drive() -> None:
     room = GuardedBase(SimulatedWorld(room=Room(3.0, 3.0, centre=(0.0, 0.0), fixtures=())), guard="off")  # type: ignore[arg-type]
     room.drive(0.5, seconds=10.0)
     assert room.touched_moving
@@ -197,7 +195,7 @@ def test_off_it_drives_as_it_is_told() -> None:
 @pytest.mark.parametrize("pace", [0.3, 0.6, 1.0])
 @pytest.mark.parametrize("speed", [0.25, 0.5])
 @pytest.mark.parametrize("angle", [0, 40, 90, -60])
-def test_it_stands_by_the_time_that_somebody_walks_into_it(pace: float, speed: float, angle: float) -> None:
+def test_guarded_base_stands_before_a_person_walks_into_contact(pace: float, speed: float, angle: float) -> None:
     # They meet where the base would be after 4 s.
     meet, way = speed * 4.0, 4.0 * pace
     x, y = meet + way * cos(radians(angle)), way * sin(radians(angle))
@@ -210,7 +208,7 @@ def test_it_stands_by_the_time_that_somebody_walks_into_it(pace: float, speed: f
     assert not room.touched_moving
 
 
-def test_without_a_measured_speed_it_would_still_move_then(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ignoring_obstacle_speed_would_hit_a_walking_person(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.base.seen_points.MAX_SPEED", 0.0)
     anna = Person("Anna", x=6.0, y=0.0, path=((1.0, 0.0),), speed=1.0, start=0.6, loop=False)
     room = GuardedBase(SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)), speed=0.5)
@@ -218,7 +216,7 @@ def test_without_a_measured_speed_it_would_still_move_then(monkeypatch: pytest.M
     assert room.touched_moving
 
 
-def test_it_follows_somebody_who_walks_away() -> None:
+def test_base_follows_a_person_who_walks_away() -> None:
     anna = Person("Anna", x=0.9, y=0.0, path=((6.0, 0.0),), speed=0.4, start=0.6, loop=False)
     room = GuardedBase(SimulatedWorld(room=Room(40.0, 40.0, centre=(0.0, 0.0), fixtures=()), people=(anna,)))
     room.drive(0.4, seconds=8.0)
@@ -228,7 +226,7 @@ def test_it_follows_somebody_who_walks_away() -> None:
 # --- what it cannot see -----------------------------------------------------------------------------------------------
 
 
-def test_late_scans_slow_it_down_and_missing_ones_stop_it_and_both_are_reported() -> None:
+def test_late_scans_slow_down_and_missing_scans_stop_the_base() -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
     ranger.see(room.now)
@@ -246,7 +244,7 @@ def test_late_scans_slow_it_down_and_missing_ones_stop_it_and_both_are_reported(
     assert room.base.body.velocity.linear > 0.15
 
 
-def test_what_was_seen_before_the_scans_became_late_still_stops_it() -> None:
+def test_obstacle_seen_before_late_scans_stops_the_base() -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
     ranger.see(room.now, (0.37, 0.0))
@@ -255,7 +253,7 @@ def test_what_was_seen_before_the_scans_became_late_still_stops_it() -> None:
 
 
 @pytest.mark.parametrize("value", [None, RuntimeError("no such thing"), OSError()])
-def test_a_range_finder_that_never_came_or_raises_keeps_the_base_from_moving(value: Exception | None) -> None:
+def test_missing_or_failing_range_finder_stops_the_base(value: Exception | None) -> None:
     ranger = ScriptedRanger()
     ranger.value = value
     room = GuardedBase(ranger=ranger)
@@ -278,7 +276,7 @@ def test_scans_with_stamps_of_the_future_or_long_ago_do_not_stay_fresh() -> None
 
 
 @pytest.mark.parametrize("linear", [-0.4, 0.4])
-def test_it_goes_slowly_where_its_range_finder_does_not_look(linear: float) -> None:
+def test_base_drives_slowly_out_of_sight_of_the_range_finder(linear: float) -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
     room.drive(linear, seconds=3.0, each=lambda: ranger.see(room.now, width=240.0))
@@ -290,7 +288,7 @@ def test_it_goes_slowly_where_its_range_finder_does_not_look(linear: float) -> N
     assert free.base.body.velocity.linear == pytest.approx(linear, abs=0.005)
 
 
-def test_what_is_too_near_to_be_measured_is_not_forgotten_at_once() -> None:
+def test_obstacle_too_near_to_measure_is_remembered() -> None:
     ranger = ScriptedRanger()
     room = GuardedBase(ranger=ranger)
     ranger.see(room.now, (0.25, 0.0))
@@ -303,7 +301,7 @@ def test_what_is_too_near_to_be_measured_is_not_forgotten_at_once() -> None:
 
 
 @pytest.mark.parametrize(("speed", "near", "arrives"), [(0.05, True, True), (0.05, False, False), (0.15, True, False)])
-def test_a_base_that_hears_the_near_beams_of_its_dock_may_touch_it_gently(
+def test_base_near_its_dock_may_touch_the_dock_gently(
     speed: float, near: bool, arrives: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     room = GuardedBase(hall_with((0.6, 0.0), size=0.2))
@@ -315,7 +313,7 @@ def test_a_base_that_hears_the_near_beams_of_its_dock_may_touch_it_gently(
 
 @pytest.mark.parametrize("wanted", [0.05, 0.06])
 @pytest.mark.parametrize("going", [0.4, 0.2, 0.08, -0.4, -0.05])
-def test_near_its_dock_a_base_that_is_still_fast_or_backs_off_is_guarded(
+def test_fast_or_reversing_base_near_its_dock_is_guarded(
     going: float, wanted: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     room = GuardedBase(hall_with((0.29, 0.0), (-0.29, 0.0)))  # 6 cm from its rim, on both sides
@@ -330,7 +328,7 @@ def test_near_its_dock_a_base_that_is_still_fast_or_backs_off_is_guarded(
 # --- what it costs ----------------------------------------------------------------------------------------------------
 
 
-def test_a_robot_without_a_range_finder_loads_nothing_for_it() -> None:
+def test_robot_without_a_range_finder_imports_no_numpy() -> None:
     code = "import sys, drivers.kobuki.driver; print('numpy' in sys.modules, 'drivers.base.range_guard' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "False"]

@@ -39,7 +39,7 @@ def picture(*people: Person, view: Viewpoint = EYES, noise: float = 3.0, seed: i
 
 
 @pytest.mark.parametrize("look", APPEARANCES)
-def test_a_face_is_found_from_near_to_far_where_geometry_says(look: str) -> None:
+def test_rendered_face_is_detected_at_its_geometric_place(look: str) -> None:
     walker = Person("p", look, x=0.5, y=0.05, path=((4.5, 0.45),), speed=float(np.hypot(4.0, 0.4)) / 4.0, loop=False)
     renderer = Renderer(SimulatedWorld(people=(walker,)), LENS)
     found = 0
@@ -56,7 +56,7 @@ def test_a_face_is_found_in_poor_and_in_strong_light(light: float) -> None:
     assert len(faces(picture(Person("p", "ben", x=1.2), light=light))) == 1
 
 
-def test_a_face_is_found_by_a_low_camera_that_looks_up_and_sideways() -> None:
+def test_rendered_face_is_detected_by_a_low_tilted_camera() -> None:
     low = Viewpoint(z=0.7, yaw=radians(15), pitch=radians(-25))
     assert len(faces(picture(Person("p", "emil", x=1.5), view=low))) == 1
 
@@ -90,7 +90,7 @@ def test_the_picture_of_a_walker_changes_with_time() -> None:
     assert middles == sorted(middles, reverse=True)  # from the right to the left
 
 
-def test_equal_seeds_make_equal_noise_and_it_has_the_strength_asked_for() -> None:
+def test_noise_is_seeded_and_of_the_given_strength() -> None:
     clean = picture(noise=0.0).astype(float)
     assert np.array_equal(picture(seed=3), picture(seed=3))
     assert not np.array_equal(picture(seed=3), picture(seed=4))
@@ -101,7 +101,7 @@ def test_half_the_light_makes_half_the_brightness() -> None:
     assert picture(light=0.5, noise=0.0).mean() == pytest.approx(picture(noise=0.0).mean() / 2, rel=0.02)
 
 
-def test_a_camera_outside_the_room_is_kept_inside() -> None:
+def test_camera_outside_the_room_is_clamped_inside() -> None:
     outside, wall = Viewpoint(x=99.0, z=1.0, yaw=pi), Viewpoint(x=4.95, z=1.0, yaw=pi)
     assert np.array_equal(picture(view=outside), picture(view=wall))
 
@@ -111,7 +111,7 @@ RENDERER = Renderer(SimulatedWorld(people=(Person("p", x=1.0), Person("q", "ben"
 
 @settings(max_examples=60, deadline=None)
 @given(st.floats(-4, 6), st.floats(-4, 4), st.floats(-1, 3), st.floats(-10, 10), st.floats(-1.6, 1.6))
-def test_every_viewpoint_gives_a_picture(x: float, y: float, z: float, yaw: float, pitch: float) -> None:
+def test_every_viewpoint_renders(x: float, y: float, z: float, yaw: float, pitch: float) -> None:
     image = RENDERER.draw(Viewpoint(x, y, z, yaw, pitch), 0.0)
     assert image.shape == (480, 640, 3)
     assert image.dtype == np.uint8
@@ -141,7 +141,7 @@ def test_frames_come_at_the_rate_of_the_clock(camera: RenderedCamera, clock: Man
     assert stamps[:3] == pytest.approx([5.0, 5.05, 5.10])
 
 
-def test_frames_that_nobody_read_are_dropped_and_counted(camera: RenderedCamera, clock: ManualClock) -> None:
+def test_unread_frames_are_dropped_and_counted(camera: RenderedCamera, clock: ManualClock) -> None:
     first = camera.read(0.0)
     clock.advance(0.52)
     second = camera.read(0.0)
@@ -151,7 +151,7 @@ def test_frames_that_nobody_read_are_dropped_and_counted(camera: RenderedCamera,
     assert camera.health().counters == {"frames": 2, "dropped": 9}
 
 
-def test_a_frame_shows_the_view_at_its_stamp(clock: ManualClock) -> None:
+def test_frame_shows_the_view_at_its_stamp(clock: ManualClock) -> None:
     asked = []
 
     def viewpoint(time: float) -> Viewpoint:
@@ -168,7 +168,7 @@ def test_a_frame_shows_the_view_at_its_stamp(clock: ManualClock) -> None:
     assert np.array_equal(frame.image, Renderer(SimulatedWorld(), lens, noise=0.0).draw(Viewpoint(z=0.5, yaw=5.0), 5.0))
 
 
-def test_a_read_gives_up_when_simulated_time_stands_still(camera: RenderedCamera) -> None:
+def test_read_times_out_while_simulated_time_stands_still(camera: RenderedCamera) -> None:
     assert camera.read(0.0) is not None
     assert camera.read(0.02) is None
 
@@ -212,7 +212,7 @@ def test_close_ends_a_waiting_read() -> None:
     camera.rest()
 
 
-def test_a_camera_that_is_not_open_says_so_and_gives_nothing(clock: ManualClock) -> None:
+def test_unopened_rendered_camera_is_offline(clock: ManualClock) -> None:
     camera = RenderedCamera(SimulatedWorld(), lambda _: Viewpoint(), clock)
     assert camera.health().detail == "camera: not open"
     assert camera.read(0.0) is None

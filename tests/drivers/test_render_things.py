@@ -44,7 +44,7 @@ def hue_mask(image: Image, hue: int) -> Image:
 
 @pytest.mark.parametrize("number", [0, 7, 23, 49])
 @pytest.mark.parametrize("away", [0.7, 1.5, 2.5])
-def test_a_marker_is_found_with_its_number_and_its_size(number: int, away: float) -> None:
+def test_rendered_marker_is_detected_with_number_and_size(number: int, away: float) -> None:
     rover = Rover("R2", number, x=away + 0.175, y=0.0, heading=pi)
     found = markers(drawn(SimulatedWorld(robots=(rover,)), Viewpoint(z=0.3), noise=3.0))
     assert list(found) == [number]
@@ -59,7 +59,7 @@ def test_a_marker_shows_on_every_side(heading: float) -> None:
     assert 12 in markers(drawn(world, Viewpoint(z=0.4), noise=3.0))
 
 
-def test_a_marker_is_not_mirrored_and_stands_upright() -> None:
+def test_rendered_marker_is_upright_and_not_mirrored() -> None:
     found = markers(drawn(SimulatedWorld(robots=(Rover("R2", 7, x=1.0, y=0.0, heading=pi),)), Viewpoint(z=0.3)))
     top_left, top_right, _, bottom_left = found[7]  # ArUco's order for a marker that stands upright
     assert top_left[0] < top_right[0]
@@ -70,7 +70,7 @@ def test_a_marker_is_not_mirrored_and_stands_upright() -> None:
 
 
 @pytest.mark.parametrize(("colour", "hue"), [(YELLOW, 25), (GREEN, 65), (BLUE, 112)])
-def test_a_ball_is_found_by_its_colour_round_and_where_geometry_says(colour: tuple[int, int, int], hue: int) -> None:
+def test_rendered_ball_has_its_colour_shape_and_place(colour: tuple[int, int, int], hue: int) -> None:
     world = SimulatedWorld(objects=(WorldBall("ball", 1.5, 0.3, 0.2, colour, bottom=0.4),))
     contours, _ = cv2.findContours(hue_mask(drawn(world), hue), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     (x, y), radius = cv2.minEnclosingCircle(max(contours, key=cv2.contourArea))
@@ -79,14 +79,14 @@ def test_a_ball_is_found_by_its_colour_round_and_where_geometry_says(colour: tup
     assert radius == pytest.approx(LENS.focal * 0.1 / ahead, rel=0.12)
 
 
-def test_a_box_is_of_one_hue_on_all_its_sides() -> None:
+def test_rendered_box_has_one_hue_on_all_sides() -> None:
     image = drawn(SimulatedWorld(objects=(WorldBox("crate", 1.2, 0.0, (0.4, 0.4, 0.4), BLUE, heading=0.6),)))
     contours, _ = cv2.findContours(hue_mask(image, 112), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     largest = max(contours, key=cv2.contourArea)
     assert cv2.contourArea(largest) > 0.97 * cv2.contourArea(cv2.convexHull(largest))
 
 
-def test_a_wall_hides_who_is_behind_it_and_not_who_is_before_it() -> None:
+def test_wall_hides_people_behind_but_not_before() -> None:
     wall = Wall((2.0, -1.0), (2.0, 1.0))
     behind, before = Person("Anna", x=3.0), Person("Anna", x=1.2)
     bare = drawn(SimulatedWorld(walls=(wall,)), Viewpoint(z=1.5))
@@ -94,7 +94,7 @@ def test_a_wall_hides_who_is_behind_it_and_not_who_is_before_it() -> None:
     assert not np.array_equal(drawn(SimulatedWorld(walls=(wall,), people=(before,)), Viewpoint(z=1.5)), bare)
 
 
-def test_a_long_wall_does_not_hide_somebody_who_stands_before_its_end() -> None:
+def test_long_wall_does_not_hide_a_person_before_its_end() -> None:
     """The middle of the wall is nearer than they are: an order by distance alone would paint them over."""
     wall = Wall((0.8, 0.5), (4.8, 0.7))
     anna = Person("Anna", x=3.2, y=0.2)
@@ -105,7 +105,7 @@ def test_a_long_wall_does_not_hide_somebody_who_stands_before_its_end() -> None:
     assert shirt[0] > shirt[2] + 30  # blue, not the wall
 
 
-def test_where_the_floor_ends_it_is_dark() -> None:
+def test_floor_is_dark_beyond_its_edge() -> None:
     plain = drawn(SimulatedWorld())
     pit = drawn(SimulatedWorld(edges=(Edge(2.0, 0.0, 1.0, 1.0),)))
     _, down, ahead = EYE.to_camera_axes(2.0, 0.0, 0.0)
@@ -114,14 +114,14 @@ def test_where_the_floor_ends_it_is_dark() -> None:
     assert np.array_equal(pit[:200], plain[:200])
 
 
-def test_light_that_fades_darkens_the_picture() -> None:
+def test_fading_light_darkens_the_picture() -> None:
     renderer = Renderer(SimulatedWorld(light=Light(1.0, (LightChange(1.0, 0.2, duration=2.0),))), LENS, noise=0.0)
     bright, half, dark = (float(renderer.draw(EYE, time).mean()) for time in (0.5, 2.0, 4.0))
     assert half == pytest.approx(0.6 * bright, rel=0.02)
     assert dark == pytest.approx(0.2 * bright, rel=0.03)
 
 
-def test_somebody_who_nods_moves_their_face_down_in_the_picture_and_keeps_their_feet() -> None:
+def test_nod_moves_the_face_down_and_keeps_the_feet() -> None:
     world = SimulatedWorld(people=(Person("Anna", x=2.5, acts=(PersonAction(at=1.0, nod=True),)),))
     renderer = Renderer(world, LENS, noise=0.0)
     view = Viewpoint(z=1.0)
@@ -137,7 +137,7 @@ def test_somebody_who_nods_moves_their_face_down_in_the_picture_and_keeps_their_
     assert abs(same - bottom) <= 1
 
 
-def test_a_picture_that_is_kept_is_drawn_anew_when_anything_moves() -> None:
+def test_cached_picture_is_redrawn_when_anything_moves() -> None:
     world = SimulatedWorld(
         people=(Person("Anna", x=2.0, path=((2.0, 1.0),), start=5.0),), robots=(Rover("R2", 1, 1.5, -0.5),)
     )
@@ -170,7 +170,7 @@ CROWD = Renderer(
 
 @settings(max_examples=60)
 @given(st.floats(-4, 6), st.floats(-4, 4), st.floats(-1, 3), st.floats(-10, 10), st.floats(-1.6, 1.6))
-def test_every_viewpoint_gives_a_picture_of_a_full_room(x: float, y: float, z: float, yaw: float, pitch: float) -> None:
+def test_every_viewpoint_of_a_full_room_renders(x: float, y: float, z: float, yaw: float, pitch: float) -> None:
     assert CROWD.draw(Viewpoint(x, y, z, yaw, pitch), 0.0).shape == (480, 640, 3)
 
 
@@ -184,7 +184,7 @@ class Thing:
         self.solid = solid
 
 
-def test_a_ball_on_a_table_comes_after_the_table_from_above_and_before_it_from_below() -> None:
+def test_painting_order_of_table_and_ball_depends_on_the_eye_height() -> None:
     table, ball = Thing(UprightBox(2.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.7)), Thing(UprightCylinder(2.4, 0.0, 0.1, 0.7, 0.9))
     assert sort_back_to_front([ball, table], (0.0, 0.0, 1.5)) == [table, ball]
     assert sort_back_to_front([table, ball], (0.0, 0.0, 0.3)) == [ball, table]
@@ -202,7 +202,7 @@ footprints = st.builds(
 
 
 @given(footprints, footprints, st.tuples(spot, spot))
-def test_of_two_that_stand_apart_the_one_that_rays_meet_first_is_painted_last(
+def test_nearer_solid_along_the_rays_is_painted_last(
     one: UprightBox, other: UprightBox, eye: tuple[float, float]
 ) -> None:
     order = sort_back_to_front([Thing(one), Thing(other)], (*eye, 0.5))
@@ -246,7 +246,7 @@ def test_the_map_shows_people_things_and_the_robot_in_their_places() -> None:
     assert at(0.5, 2.5) == [242, 248, 250]  # floor
 
 
-def test_the_map_lights_what_the_camera_sees_as_far_as_a_wall() -> None:
+def test_map_shows_the_camera_view_up_to_a_wall() -> None:
     view = TopView(SimulatedWorld(walls=(Wall((2.0, -1.0), (2.0, 1.0)),)), (870, 670))
     pose = Pose2D(0.0, 0.0, 0.0)
     plain, lit = view.draw(0.0, pose), view.draw(0.0, pose, camera=Viewpoint(z=1.0), field_of_view=radians(60))
@@ -257,7 +257,7 @@ def test_the_map_lights_what_the_camera_sees_as_far_as_a_wall() -> None:
     assert not changed[middle - 10, 435 - 100 - 50]  # behind the robot
 
 
-def test_the_map_leaves_out_who_has_gone_and_draws_where_the_robot_has_been() -> None:
+def test_map_omits_gone_people_and_draws_the_trail() -> None:
     view = TopView(
         SimulatedWorld(people=(Person("Anna", x=4.0, acts=(PersonAction(at=0.0, leave=True),)),)), (870, 670)
     )

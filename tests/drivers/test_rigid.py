@@ -18,18 +18,18 @@ from drivers.sim.rigid.scene import PhysicsScene
 from tests.drivers.toy_humanoid import MOTOR, crouch, figure, scene
 
 
-def test_a_servo_is_as_stiff_as_the_one_that_was_measured() -> None:
+def test_servo_stiffness_matches_the_measured_one() -> None:
     measured = 21.1  # Nm/rad, of the XM430-W350 in the public model of the OP3
     assert motor_physics(MODELS["XM430-W350"]).stiffness == pytest.approx(measured, rel=0.15)
 
 
-def test_a_servo_without_burden_turns_as_fast_as_its_data_sheet_says() -> None:
+def test_unloaded_servo_reaches_its_free_speed() -> None:
     for model in MODELS.values():
         motor = motor_physics(model)
         assert motor.torque / motor.damping == pytest.approx(model.free_speed)
 
 
-def test_it_stands_on_its_soles_and_stays() -> None:
+def test_body_stands_on_its_soles() -> None:
     robot = scene()
     robot.advance(2.0)
     assert not robot.has_fallen
@@ -38,7 +38,7 @@ def test_it_stands_on_its_soles_and_stays() -> None:
     assert abs(robot.lean()[0]) < 0.01
 
 
-def test_its_weight_keeps_a_bent_knee_behind_its_goal_as_much_as_the_servo_is_soft() -> None:
+def test_weight_bends_the_knee_by_the_servo_compliance() -> None:
     robot = scene()
     crouch(robot, 1.0)
     robot.advance(3.0)
@@ -49,14 +49,14 @@ def test_its_weight_keeps_a_bent_knee_behind_its_goal_as_much_as_the_servo_is_so
     assert robot.load("l_knee") == pytest.approx(torque / MOTOR.torque, abs=0.02)
 
 
-def test_a_joint_turns_no_faster_than_it_is_told() -> None:
+def test_joint_turns_no_faster_than_commanded() -> None:
     robot = scene()
     robot.set_goal("l_hip_yaw", 0.5, 0.2)
     robot.advance(1.0)
     assert 0.1 < robot.angle("l_hip_yaw") <= 0.2  # the floor's friction keeps it back
 
 
-def test_a_servo_tells_its_load_as_a_share_of_the_stall_torque_whatever_it_may_use() -> None:
+def test_servo_load_is_a_share_of_the_stall_torque() -> None:
     weak = replace(MOTOR, torque=MOTOR.torque / 4)
     body = replace(figure(), links=[replace(link, motor=weak) for link in figure().links])
     robot = PhysicsScene(make_mjcf(body), dict.fromkeys([link.name for link in body.links], MOTOR.backlash), Floor())
@@ -67,7 +67,7 @@ def test_a_servo_tells_its_load_as_a_share_of_the_stall_torque_whatever_it_may_u
     assert 0.2 < abs(knee.state(0.3).load) <= 0.25
 
 
-def test_limp_it_falls() -> None:
+def test_limp_body_falls() -> None:
     robot = scene()
     for joint in ("l_knee", "r_knee", "l_ank_pitch", "r_ank_pitch", "l_hip_pitch", "r_hip_pitch"):
         robot.switch_torque_off(joint)
@@ -76,7 +76,7 @@ def test_limp_it_falls() -> None:
     assert not robot.has_torque("l_knee")
 
 
-def test_a_push_moves_it_that_way_and_a_hard_one_throws_it_over() -> None:
+def test_push_tilts_the_body_and_a_hard_push_topples() -> None:
     left, pushed = scene(), scene(Floor(pushes=(TrunkPush(0.5, 0.1),)))
     left.advance(0.65)
     pushed.advance(0.65)
@@ -89,7 +89,7 @@ def test_a_push_moves_it_that_way_and_a_hard_one_throws_it_over() -> None:
     assert thrown.pose().y > 0.03
 
 
-def test_on_a_slope_it_stands_by_friction_and_slides_without() -> None:
+def test_body_stands_on_a_slope_only_with_friction() -> None:
     slope = (0.0, radians(8))
     stands, slides = scene(Floor(friction=0.6, slope=slope)), scene(Floor(friction=0.05, slope=slope))
     stands.advance(1.0)
@@ -107,7 +107,7 @@ def test_a_delay_keeps_the_goal_from_the_servo() -> None:
     assert late.angle("l_knee") > 0.1
 
 
-def test_two_runs_of_one_seed_are_the_same_to_the_bit_however_often_they_are_asked() -> None:
+def test_runs_with_equal_seeds_are_bit_identical() -> None:
     one, other = (scene(Floor(mass_error=0.05, pushes=(TrunkPush(0.1, 0.1),)), seed=7) for _ in range(2))
     for robot in (one, other):
         crouch(robot, 0.7)
@@ -123,7 +123,7 @@ def test_seeds_differ_in_the_masses() -> None:
     assert masses[0] != masses[1]
 
 
-def test_it_begins_where_the_world_says() -> None:
+def test_body_starts_at_the_given_pose() -> None:
     robot = scene()
     moved = PhysicsScene(MODEL.format(joint="l_knee"), {"l_knee": 0.0}, Floor(), start=Pose2D(1.0, 2.0, 0.5))
     assert (moved.pose().x, moved.pose().y) == (1.0, 2.0)
@@ -136,7 +136,7 @@ MODEL = """<mujoco><worldbody><body name="b"><freejoint/><geom size="0.1"/><body
 <actuator><position joint="{joint}" kp="20" forcerange="-4 4"/></actuator></mujoco>"""
 
 
-def test_a_model_of_the_users_own_is_taken_from_its_file(tmp_path: Path) -> None:
+def test_user_model_is_loaded_from_its_file(tmp_path: Path) -> None:
     (tmp_path / "mine.xml").write_text(MODEL.format(joint="l_knee"))
     robot = PhysicsScene(tmp_path / "mine.xml", {"l_knee": 0.0}, Floor())
     robot.set_goal("l_knee", 0.3, 5.0)
@@ -153,14 +153,14 @@ def test_a_model_of_the_users_own_is_taken_from_its_file(tmp_path: Path) -> None
         (MODEL.format(joint="l_knee").replace("position", "motor").replace('kp="20" ', ""), "no position actuator"),
     ],
 )
-def test_a_model_that_does_not_fit_is_refused(tmp_path: Path, text: str, said: str) -> None:
+def test_unsuitable_model_is_refused(tmp_path: Path, text: str, said: str) -> None:
     (tmp_path / "mine.xml").write_text(text)
     with pytest.raises(BadRequest, match=said) as refused:
         PhysicsScene(tmp_path / "mine.xml", {"l_knee": 0.0}, Floor())
     assert "mine.xml" in str(refused.value)
 
 
-def test_without_mujoco_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_mujoco_gives_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(BadRequest) as refused:
         scenes.import_mujoco()

@@ -24,26 +24,26 @@ def line(y: float, *, x: float = 0.0) -> Stroke:
     return Stroke(np.array([x, y, 0.0]), np.array([x, y, 0.4]), 0.02)
 
 
-def test_from_the_front_its_left_is_at_the_right() -> None:
+def test_front_view_shows_the_left_side_at_the_right() -> None:
     image = draw_stick_figure([line(0.1), line(-0.1)], SIZE, height=0.5)
     middle = 3 * SIZE[0] / 4
     assert min(coloured(image[:, SIZE[0] // 2 :], LEFT)) + SIZE[0] / 2 > middle
     assert max(coloured(image, RIGHT)[coloured(image, RIGHT) > SIZE[0] / 2]) < middle
 
 
-def test_from_its_right_ahead_is_at_the_right_and_its_right_leg_hides_the_left_one() -> None:
+def test_side_view_faces_right_and_hides_the_left_leg() -> None:
     image = draw_stick_figure([line(-0.1), line(0.1), line(0.1, x=0.2)], SIZE, height=0.5)[:, : SIZE[0] // 2]
     assert min(coloured(image, LEFT)) > max(coloured(image, RIGHT)) > SIZE[0] / 4 - 20
 
 
-def test_the_floor_lies_back_as_it_walks() -> None:
+def test_floor_marks_move_back_with_the_walk() -> None:
     one, other = (draw_stick_figure([], SIZE, height=0.5, walked=gone)[:, : SIZE[0] // 2] for gone in (0.0, 0.03))
     assert not np.array_equal(coloured(one, MARKS), coloured(other, MARKS))
     assert np.array_equal(one, draw_stick_figure([], SIZE, height=0.5, walked=0.1)[:, : SIZE[0] // 2])
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 1e300, -1e12])
-def test_what_is_nowhere_is_not_drawn(value: float) -> None:
+def test_non_finite_stroke_is_not_drawn(value: float) -> None:
     gone = Stroke(np.array([value, 0.1, 0.0]), np.array([0.0, 0.1, value]), 0.02)
     assert not len(coloured(draw_stick_figure([gone], SIZE, height=0.5), LEFT))
 
@@ -72,7 +72,7 @@ def test_a_robot_in_physics_is_to_be_seen_and_the_same_each_time(camera: BodyCam
     assert (around != BACKGROUND).any(axis=2).mean() > 0.05
 
 
-def test_a_robot_that_lies_looks_otherwise(camera: BodyCamera, robot: PhysicsScene) -> None:
+def test_fallen_robot_looks_different(camera: BodyCamera, robot: PhysicsScene) -> None:
     stands = camera.draw(0.2)
     for joint in ("l_knee", "r_knee", "l_ank_pitch", "r_ank_pitch", "l_hip_pitch", "r_hip_pitch"):
         robot.switch_torque_off(joint)
@@ -89,7 +89,7 @@ def test_looking_changes_nothing(camera: BodyCamera, robot: PhysicsScene) -> Non
     assert np.array_equal(alone.data.qpos, robot.data.qpos)
 
 
-def test_without_egl_it_is_drawn_of_lines(robot: PhysicsScene, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_egl_falls_back_to_line_drawing(robot: PhysicsScene, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken() -> None:
         raise AttributeError("'NoneType' object has no attribute 'eglQueryString'")  # as PyOpenGL without libEGL
 

@@ -62,7 +62,7 @@ def test_frames_are_found_however_the_stream_is_cut(sent: list[wire.RosserialFra
 
 
 @given(st.binary(max_size=60).filter(lambda noise: wire.HEADER not in noise), frames)
-def test_noise_before_a_frame_never_eats_it(noise: bytes, frame: wire.RosserialFrame) -> None:
+def test_noise_before_a_rosserial_frame_is_skipped(noise: bytes, frame: wire.RosserialFrame) -> None:
     finder = wire.RosserialFrameFinder()
     assert finder.feed(noise + frame.pack()) == [frame]
     assert finder.skipped == len(noise)
@@ -110,12 +110,12 @@ def test_a_frame_behind_a_false_header_comes_out_when_waiting_is_given_up() -> N
 
 
 @pytest.mark.parametrize("kind", [wire.ServoAngle, wire.Tacho, wire.RosserialTime, wire.RosserialLog, wire.TopicInfo])
-def test_a_message_that_ends_too_soon_is_a_value_error_with_its_bytes(kind: type[Message]) -> None:
+def test_truncated_message_raises_value_error_with_its_bytes(kind: type[Message]) -> None:
     with pytest.raises(ValueError, match=r"ends too soon: 05"):
         kind.unpack(b"\x05")
 
 
-def test_a_string_that_is_longer_than_its_message_is_a_value_error() -> None:
+def test_string_longer_than_its_message_raises_value_error() -> None:
     with pytest.raises(ValueError, match="a string of 9 bytes in a message of 7"):
         wire.RosserialLog.unpack(bytes.fromhex("01 09 00 00 00 68 69"))
 

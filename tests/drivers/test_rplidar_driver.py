@@ -110,7 +110,7 @@ STOP, RESET, SCAN, INFO, HEALTH = (
 )
 
 
-def test_a_finder_is_silenced_asked_and_set_turning_before_it_scans() -> None:
+def test_range_finder_is_stopped_identified_and_started() -> None:
     bench = Bench()
     bench.run(1.0)
     assert bench.asked() == [STOP, INFO, HEALTH, SCAN]
@@ -141,7 +141,7 @@ def test_an_a1_is_stopped_by_the_line_dtr() -> None:
     assert bench.link.dtr == [False, True]
 
 
-def test_a_finder_that_is_scanning_already_is_flushed_first() -> None:
+def test_already_scanning_range_finder_is_flushed_first() -> None:
     bench = Bench(streaming=True)
     bench.run(1.5)
     assert bench.asked() == [STOP, INFO, HEALTH, SCAN]
@@ -150,7 +150,7 @@ def test_a_finder_that_is_scanning_already_is_flushed_first() -> None:
     assert bench.device.health().counters["skipped bytes"] == 0
 
 
-def test_one_that_misses_the_stop_is_told_again() -> None:
+def test_missed_stop_request_is_repeated() -> None:
     bench = Bench(streaming=True)
     bench.lidar.is_deaf = True
     bench.run(0.5)
@@ -160,7 +160,7 @@ def test_one_that_misses_the_stop_is_told_again() -> None:
     assert bench.device.scan().good
 
 
-def test_an_answer_that_got_lost_is_asked_for_again() -> None:
+def test_lost_reply_is_requested_again() -> None:
     bench = Bench()
     bench.link.distort = lambda data: data[2:]
     bench.run(REPLY_TIMEOUT)
@@ -170,7 +170,7 @@ def test_an_answer_that_got_lost_is_asked_for_again() -> None:
     assert bench.device.scan().good
 
 
-def test_a_silent_port_says_what_to_try_once_and_is_tried_again() -> None:
+def test_silent_port_gives_one_hint_and_is_retried() -> None:
     bench = Bench()
     bench.lidar.is_deaf = True
     bench.run(10.0)
@@ -188,14 +188,14 @@ def test_a_silent_port_says_what_to_try_once_and_is_tried_again() -> None:
     assert bench.device.scan().good
 
 
-def test_something_else_at_the_port_is_told_from_silence() -> None:
+def test_foreign_device_is_distinguished_from_silence() -> None:
     bench = Bench()
     bench.link.distort = lambda data: b"hello" if data else b""
     bench.run(3.0)
     assert "15 bytes received at 115200 baud, none of them a reply of an RPLIDAR" in bench.told("offline")[0]
 
 
-def test_a_finder_that_is_out_of_order_is_reset_once_and_then_scans() -> None:
+def test_faulty_range_finder_is_reset_once_and_then_scans() -> None:
     bench = Bench()
     bench.lidar.condition = RPLidarHealth(RPLidarStatus.ERROR, 0x8001)
     bench.run(BOOT_TIME + 2.0)
@@ -204,7 +204,7 @@ def test_a_finder_that_is_out_of_order_is_reset_once_and_then_scans() -> None:
     assert bench.device.scan().good
 
 
-def test_one_that_a_reset_does_not_help_stays_off_until_it_is_well() -> None:
+def test_range_finder_not_fixed_by_a_reset_stays_off_until_healthy() -> None:
     bench = Bench()
     bench.lidar.condition, bench.lidar.is_fixed_by_reset = RPLidarHealth(RPLidarStatus.ERROR, 7), False
     bench.run(15.0)
@@ -218,7 +218,7 @@ def test_one_that_a_reset_does_not_help_stays_off_until_it_is_well() -> None:
     assert bench.device.scan().good
 
 
-def test_a_warning_is_told_and_it_scans() -> None:
+def test_warning_is_reported_and_the_scan_continues() -> None:
     bench = Bench()
     bench.lidar.condition = RPLidarHealth(RPLidarStatus.WARNING, 3)
     bench.run(1.0)
@@ -226,7 +226,7 @@ def test_a_warning_is_told_and_it_scans() -> None:
     assert bench.device.scan().good
 
 
-def test_another_model_than_the_robot_file_says_is_told() -> None:
+def test_model_mismatch_is_reported() -> None:
     bench = Bench(driven_as="a2", model="a1")
     bench.run(3.5)
     assert bench.told("fault") == ["range: /dev/rplidar: it is an A1 (model 0x18), not an A2"]
@@ -234,7 +234,7 @@ def test_another_model_than_the_robot_file_says_is_told() -> None:
     assert bench.device.scan().good
 
 
-def test_a_stuck_motor_is_told_once_rests_between_the_tries_and_is_noticed_when_it_turns() -> None:
+def test_stuck_motor_is_reported_once_and_its_return_is_noticed() -> None:
     bench = Bench()
     bench.run(1.0)
     bench.lidar.is_stuck = True
@@ -253,7 +253,7 @@ def test_a_stuck_motor_is_told_once_rests_between_the_tries_and_is_noticed_when_
     assert bench.device.scan().good
 
 
-def test_noise_on_the_wire_costs_turns_their_nodes_but_never_stops_them() -> None:
+def test_noise_on_the_wire_costs_nodes_but_not_scans() -> None:
     bench = Bench()
     bench.run(0.5)
     random = Random(5)  # noqa: S311 - chance, not a secret
@@ -277,7 +277,7 @@ def test_noise_on_the_wire_costs_turns_their_nodes_but_never_stops_them() -> Non
     assert bench.device.health().counters["slips"] > 20
 
 
-def test_a_port_that_goes_in_the_middle_is_left_to_the_link() -> None:
+def test_port_lost_in_mid_scan_is_reopened_by_the_link() -> None:
     bench = Bench()
     bench.link.plugged = False
     with pytest.raises(NotConnected):
@@ -358,7 +358,7 @@ def test_the_thread_takes_a_small_part_of_a_core(wired: Wired) -> None:
     assert all(later > earlier for (_, earlier), (_, later) in pairwise(wired.turns))
 
 
-def test_an_unplugged_finder_makes_nobody_spin(wired: Wired) -> None:
+def test_unplugged_range_finder_uses_little_cpu(wired: Wired) -> None:
     wait_until(lambda: len(wired.turns) >= 2)
     wired.terminal.unplug()
     wait_until(lambda: wired.notices[-1][0] == "offline")

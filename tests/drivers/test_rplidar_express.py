@@ -27,7 +27,7 @@ def stream(count: int) -> bytes:
     )
 
 
-def test_a_capsule_is_as_the_protocol_has_it() -> None:
+def test_capsule_matches_the_protocol() -> None:
     data = pack_capsule(0x1234, np.array([0x0FFF, 0x8000] * 16, np.uint16), first=True)
     assert len(data) == CAPSULE_SIZE
     assert data[2:9] == b"\x34\x92\xfc\x0f\x00\x80\x00"
@@ -35,7 +35,7 @@ def test_a_capsule_is_as_the_protocol_has_it() -> None:
     assert data[:2] == bytes((0xA0 | check & 15, 0x50 | check >> 4))
 
 
-def test_capsules_that_are_cut_anywhere_give_all_their_measurements_in_order() -> None:
+def test_capsules_are_parsed_for_any_chunking() -> None:
     whole, random = stream(60), Random(1)  # noqa: S311 - chance, not a secret
     finder, angles, far, new, at = CapsuleFinder(), list[int](), list[int](), 0, 0
     while at < len(whole):
@@ -52,7 +52,7 @@ def test_capsules_that_are_cut_anywhere_give_all_their_measurements_in_order() -
     assert (finder.skipped_bytes, finder.resyncs) == (0, 0)
 
 
-def test_what_is_taken_from_an_angle_is_in_eighths_of_a_degree() -> None:
+def test_angle_corrections_are_in_eighths_of_a_degree() -> None:
     data = bytearray(pack_capsule(640, np.full(CAPSULE_NODES, 4000, np.uint16)))
     data[4] |= 0b01  # the upper bits of the first
     data[8] = 0x8F  # the lower ones of the second and the first
@@ -67,7 +67,7 @@ def test_what_is_taken_from_an_angle_is_in_eighths_of_a_degree() -> None:
     assert set(nodes.distance.tolist()) == {4000}
 
 
-def test_damage_costs_the_capsules_that_it_hits_and_nothing_is_made_up() -> None:
+def test_damage_costs_only_its_capsules() -> None:
     whole, random = stream(400), Random(2)  # noqa: S311 - chance, not a secret
     true = {tuple(row) for number in range(400) for row in _rows(number)}
     left = (byte for byte in whole if random.random() > 5e-4)
@@ -88,7 +88,7 @@ def _rows(number: int) -> list[tuple[int, int]]:
 @pytest.mark.parametrize(
     ("firmware", "express"), [((1, 15), False), ((1, 16), False), ((1, 17), True), ((1, 29), True)]
 )
-def test_firmware_that_has_it_is_asked_for_an_express_scan(firmware: tuple[int, int], express: bool) -> None:
+def test_supporting_firmware_gets_an_express_scan(firmware: tuple[int, int], express: bool) -> None:
     bench = Bench(firmware=firmware)
     bench.run(3.0)
     assert (bench.lidar.requests.get(RPLidarCommand.EXPRESS, 0), bench.lidar.requests.get(RPLidarCommand.SCAN, 0)) == (
@@ -110,7 +110,7 @@ class Deaf(VirtualRPLidar):
         return b""
 
 
-def test_one_that_does_not_answer_scans_plainly() -> None:
+def test_silent_express_request_falls_back_to_a_plain_scan() -> None:
     bench = Bench()
     bench.link._lidar = bench.lidar = Deaf(all_round)
     bench.run(3.0)
@@ -118,7 +118,7 @@ def test_one_that_does_not_answer_scans_plainly() -> None:
     assert bench.device.scan().good
 
 
-def test_on_a_wire_that_loses_bytes_it_goes_over_to_a_plain_scan() -> None:
+def test_lossy_wire_falls_back_to_a_plain_scan() -> None:
     bench, random = Bench(firmware=(1, 29)), Random(3)  # noqa: S311 - chance, not a secret
     bench.run(1.0)
     assert bench.device.scan().good
@@ -129,7 +129,7 @@ def test_on_a_wire_that_loses_bytes_it_goes_over_to_a_plain_scan() -> None:
     assert bench.notices == []
 
 
-def test_a_virtual_finder_tells_of_its_ways_to_scan_as_the_protocol_has_it() -> None:
+def test_virtual_range_finder_reports_its_scan_modes() -> None:
     lidar = VirtualRPLidar(all_round)
 
     def asked(kind: int, *mode: int) -> bytes:
@@ -157,7 +157,7 @@ def test_a_virtual_finder_tells_of_its_ways_to_scan_as_the_protocol_has_it() -> 
     )
 
 
-def test_a_forced_scan_measures_also_what_does_not_turn() -> None:
+def test_forced_scan_measures_with_a_stuck_motor() -> None:
     lidar = VirtualRPLidar(all_round)
     lidar.is_stuck = True
     for command, heard in (

@@ -59,9 +59,7 @@ def terminal() -> Iterator[PseudoTerminal]:
 
 
 @pytest.mark.parametrize("on", [True, False])
-def test_dtr_is_set_so_that_closing_the_port_leaves_it(
-    terminal: PseudoTerminal, on: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_dtr_is_kept_when_the_port_closes(terminal: PseudoTerminal, on: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     lines: list[bool] = []
     with open_port("range", terminal.path, BAUD) as port:
         monkeypatch.setattr(port, "_update_dtr_state", lambda: lines.append(port.dtr))
@@ -89,7 +87,7 @@ def test_any_other_trouble_with_the_line_is_an_error(terminal: PseudoTerminal, m
             port.set_dtr(on=True)
 
 
-def test_a_port_that_has_gone_is_an_error_with_a_number(terminal: PseudoTerminal) -> None:
+def test_lost_port_raises_an_error_with_errno(terminal: PseudoTerminal) -> None:
     with open_port("range", terminal.path, BAUD) as port:
         terminal.unplug()
         found: list[int | None] = []
@@ -126,7 +124,7 @@ def test_a_link_passes_dtr_on_and_is_offline_once_the_port_has_gone(terminal: Ps
     link.close()
 
 
-def test_bytes_gather_where_that_is_asked_for_and_closing_does_not_wait(terminal: PseudoTerminal) -> None:
+def test_gather_time_batches_bytes_without_delaying_close(terminal: PseudoTerminal) -> None:
     plain, patient = Reader(), Reader()
     for reader, gather in ((plain, 0.0), (patient, 0.1)):
         link = SerialLink("range", terminal.path, BAUD, gather_time=gather)

@@ -50,7 +50,7 @@ def at(scan: RangeScan, bearing: float) -> float:
     ("clockwise", "yaw", "bearing"),
     [(0, 0, 0), (90, 0, -90), (270, 0, 90), (0, 180, -180), (90, 180, 90), (30, 90, 60), (10, -90, -100)],
 )
-def test_angles_that_count_clockwise_become_bearings_of_the_base(clockwise: int, yaw: float, bearing: float) -> None:
+def test_clockwise_angles_become_bearings_of_the_base(clockwise: int, yaw: float, bearing: float) -> None:
     scan = scanned(ScanAssembler(A1, Mounting((0.1, 0.0, radians(yaw)))), turn(near=clockwise))
     assert seen_at(scan) == pytest.approx(bearing, abs=0.01)
     assert scan.nearest(radians(bearing), radians(4)) == pytest.approx(2.0)
@@ -71,7 +71,7 @@ def test_nothing_is_measured_in_a_blind_sector(sector: tuple[float, float], blin
 
 
 @given(st.floats(-10, 10))
-def test_each_bearing_belongs_to_the_beam_that_points_there(bearing: float) -> None:
+def test_bearing_belongs_to_its_beam(bearing: float) -> None:
     points = bearings()[int(beam(np.array(bearing)))]
     assert abs((points - bearing + pi) % (2 * pi) - pi) <= radians(0.5) + 1e-9
 
@@ -85,7 +85,7 @@ def test_a_place_or_sector_must_be_finite(wrong: float) -> None:
 
 
 @pytest.mark.parametrize("metres", [0.0, 0.14, 12.1])
-def test_what_is_out_of_range_is_nothing(metres: float) -> None:
+def test_out_of_range_distance_is_nan(metres: float) -> None:
     scan = scanned(ScanAssembler(A1, Mounting()), turn(near=0, metres=metres))
     assert isnan(at(scan, 0))
     assert at(scan, 1) == pytest.approx(4.0)
@@ -101,7 +101,7 @@ def test_of_several_measurements_in_one_beam_the_nearest_counts() -> None:
     assert not np.isnan(scan.ranges).any()
 
 
-def test_a_finder_that_measures_every_second_degree_leaves_no_gaps() -> None:
+def test_sparse_range_finder_leaves_no_gaps() -> None:
     scan = scanned(ScanAssembler(MODELS["a2"], Mounting()), turn(near=90, count=200))
     assert not np.isnan(scan.ranges).any()
     assert at(scan, -90) == pytest.approx(2.0)
@@ -118,7 +118,7 @@ def test_the_stamp_is_the_middle_of_the_turn_and_numbers_rise() -> None:
     assert (first.stamp, second.stamp) == pytest.approx((5.1, 5.3))
 
 
-def test_of_two_turns_that_come_at_once_the_newest_wins() -> None:
+def test_newest_of_two_turns_wins() -> None:
     turns = ScanAssembler(A1, Mounting())
     one, two, three = turn(metres=1.0), turn(metres=2.0), turn(metres=3.0)
     nodes = Nodes(
@@ -146,7 +146,7 @@ def test_when_the_beginning_of_a_turn_was_lost_the_newer_of_both_counts() -> Non
     assert scan.stamp == pytest.approx(0.15 - 359 / SAMPLE_RATE)
 
 
-def test_nodes_without_end_are_not_kept() -> None:
+def test_nodes_without_a_new_turn_are_limited() -> None:
     turns = ScanAssembler(A1, Mounting())
     for number in range(100):
         turns.add(turn(new=False), 0.1 * number)

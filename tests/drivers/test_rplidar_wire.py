@@ -54,11 +54,11 @@ def some(count: int, *, distance: int = 4000, start: int = 0) -> Nodes:
 
 
 @pytest.mark.parametrize(("made", "published"), REQUESTS + DESCRIPTORS)
-def test_what_is_sent_is_as_published(made: bytes, published: str) -> None:
+def test_requests_match_the_published_bytes(made: bytes, published: str) -> None:
     assert made == bytes.fromhex(published)
 
 
-def test_published_nodes_are_read_and_written_as_they_are_meant() -> None:
+def test_published_nodes_round_trip() -> None:
     nodes = Nodes.unpack(np.frombuffer(NODES, dtype=np.uint8).reshape(-1, NODE_SIZE))
     assert nodes.new.tolist() == [True, False, False]
     assert nodes.quality.tolist() == [15, 40, 0]
@@ -135,7 +135,7 @@ def test_after_lost_bytes_all_but_a_few_nodes_are_real(where: int, lost: int) ->
     assert sum(node not in real for node in found) <= MIN_NODES_IN_ROW
 
 
-def test_a_node_whose_check_bits_are_wrong_is_never_given_out_and_costs_no_other() -> None:
+def test_node_with_wrong_check_bits_is_skipped_alone() -> None:
     stream = bytearray(some(40).pack())
     stream[10 * NODE_SIZE] ^= 0b01  # S and its opposite agree
     stream[20 * NODE_SIZE + 1] ^= 0b01  # the bit that is always 1
@@ -146,7 +146,7 @@ def test_a_node_whose_check_bits_are_wrong_is_never_given_out_and_costs_no_other
     assert finder.skipped_bytes == 2 * NODE_SIZE
 
 
-def test_a_node_that_measured_nothing_may_have_any_angle() -> None:
+def test_node_without_a_measurement_may_have_any_angle() -> None:
     nodes = some(40)
     nodes.distance[10], nodes.angle[10] = 0, 9999
     assert NodeFinder().feed(nodes.pack()).pack() == nodes.pack()
@@ -160,13 +160,13 @@ def test_a_leap_to_something_near_costs_no_node() -> None:
     assert finder.resyncs == 0
 
 
-def test_nodes_wait_for_a_row_when_it_begins_and_after_a_slip() -> None:
+def test_node_finder_requires_a_row_of_nodes_to_synchronise() -> None:
     finder = NodeFinder()
     assert len(finder.feed(b"\x00" * 7 + some(MIN_NODES_IN_ROW).pack()[:-1])) == 0
     assert len(finder.feed(some(MIN_NODES_IN_ROW).pack()[-1:])) == MIN_NODES_IN_ROW
 
 
-def test_a_finder_that_begins_again_forgets_half_a_node() -> None:
+def test_restart_discards_a_partial_node() -> None:
     finder = NodeFinder()
     finder.feed(some(9).pack()[:-3])
     finder.restart()

@@ -36,7 +36,7 @@ places = st.tuples(st.floats(-2.9, 4.9), st.floats(-2.9, 2.9))
 
 
 @given(places, st.lists(st.floats(-7, 7), min_size=1, max_size=8), st.floats(0, 60), st.floats(0, 2))
-def test_every_ray_is_as_long_as_the_world_says(
+def test_ray_lengths_match_the_world(
     place: tuple[float, float], angles: list[float], time: float, height: float
 ) -> None:
     assume(FULL.contact_directions(*place, 1e-6, time) == [])  # on the very edge of something is both in it and not
@@ -55,19 +55,19 @@ def test_rays_along_the_axes_and_from_within_things_are_exact(world: SimulatedWo
         assert cast_rays(world, x, y, angles, 0.0).tolist() == pytest.approx(said, abs=1e-9)
 
 
-def test_a_finder_does_not_see_what_is_above_or_below_it() -> None:
+def test_range_finder_sees_only_at_its_height() -> None:
     to_ball = np.array([0.0])
     assert cast_rays(FULL, 1.0, 0.0, to_ball, 0.0, height=0.2)[0] == pytest.approx(1.0 - 0.125)
     assert cast_rays(FULL, 1.0, 0.0, to_ball, 0.0, height=0.3)[0] == pytest.approx(4.0)
 
 
-def test_somebody_who_walks_is_where_the_world_has_them_then() -> None:
+def test_walking_person_is_scanned_at_the_present_position() -> None:
     ahead = np.array([0.0])
     first, later = (cast_rays(FULL, -1.0, 2.0, ahead, time, height=0.2)[0] for time in (0.0, 4.0))
     assert later == pytest.approx(first + 2.0)
 
 
-def test_a_shape_that_the_scanner_does_not_know_is_asked_itself() -> None:
+def test_unknown_shape_is_scanned_by_its_own_method() -> None:
     class Post:
         """A block by another name."""
 
@@ -94,7 +94,7 @@ def test_a_shape_that_the_scanner_does_not_know_is_asked_itself() -> None:
 
 
 @given(places, st.floats(-4, 4), st.floats(-0.1, 0.1), st.floats(-0.1, 0.1))
-def test_a_finder_looks_from_where_it_sits_on_the_base(
+def test_range_finder_scans_from_its_mounting_on_the_base(
     place: tuple[float, float], heading: float, ahead: float, left: float
 ) -> None:
     look = make_range_function(EMPTY, (ahead, left, 1.0), lambda time: Pose2D(*place, heading + time))
@@ -105,7 +105,7 @@ def test_a_finder_looks_from_where_it_sits_on_the_base(
         assert length == pytest.approx(EMPTY.distance(x, y, now + bearing, 0.5), abs=1e-6)
 
 
-def test_a_scan_costs_a_small_part_of_what_single_rays_do() -> None:
+def test_scan_is_much_cheaper_than_single_rays() -> None:
     def cost(scan: Callable[[], object]) -> float:
         began = process_time()
         for _ in range(5):

@@ -44,7 +44,7 @@ def unlike(one: Image, other: Image) -> float:
 
 
 @pytest.mark.parametrize(("one", "other"), list(combinations(Mood, 2)))
-def test_moods_are_told_apart_from_three_metres(one: Mood, other: Mood) -> None:
+def test_moods_are_distinguishable_from_three_metres(one: Mood, other: Mood) -> None:
     # A display 15 cm wide, seen from 3 m, in 48 pixels: each 3.6 minutes of arc, where a good eye resolves 1.
     far = photograph(ScreenContent(one), (48, 36)), photograph(ScreenContent(other), (48, 36))
     assert unlike(*far) > 5.0
@@ -64,7 +64,7 @@ def test_films_show_the_face_of_the_page(mood: Mood) -> None:
 
 
 @pytest.mark.parametrize("size", [(320, 240), (800, 480), (100, 400), (16, 12)])
-def test_a_film_has_the_size_that_is_asked_for_and_the_face_in_its_middle(size: tuple[int, int]) -> None:
+def test_film_has_its_size_and_a_centred_face(size: tuple[int, int]) -> None:
     image = photograph(ScreenContent(Mood.SURPRISED), size)
     assert image.shape == (size[1], size[0], 3)
     assert image.dtype == np.uint8
@@ -74,7 +74,7 @@ def test_a_film_has_the_size_that_is_asked_for_and_the_face_in_its_middle(size: 
 
 
 @given(SHOWN, TIMES)
-def test_all_faces_are_of_the_same_shapes_so_that_one_can_become_another(shown: ScreenContent, time: float) -> None:
+def test_all_faces_have_the_same_shapes(shown: ScreenContent, time: float) -> None:
     usual, face = draw_face(face_expression(ScreenContent(), 0.0)), draw_face(face_expression(shown, time), shown.text)
     assert [len(shape.points) for shape in face.shapes] == [len(shape.points) for shape in usual.shapes]
     assert [(shape.fill, shape.line) for shape in face.shapes] == [(shape.fill, shape.line) for shape in usual.shapes]
@@ -84,7 +84,7 @@ def test_all_faces_are_of_the_same_shapes_so_that_one_can_become_another(shown: 
 
 
 @given(SHOWN, TIMES)
-def test_what_is_seen_of_a_face_is_on_the_sheet(shown: ScreenContent, time: float) -> None:
+def test_visible_parts_of_a_face_are_within_the_drawing(shown: ScreenContent, time: float) -> None:
     face = draw_face(face_expression(shown, time), shown.text)
     edges = [(shape.points, shape.width / 2) for shape in face.shapes if shape.opacity > 0.5]
     assert all(half <= x <= WIDTH - half and half <= y <= HEIGHT - half for points, half in edges for x, y in points)
@@ -95,7 +95,7 @@ def lids(mood: Mood, time: float) -> float:
 
 
 @pytest.mark.parametrize("mood", [Mood.NEUTRAL, Mood.SAD, Mood.SURPRISED, Mood.LISTENING, Mood.SPEAKING])
-def test_it_blinks_once_in_four_seconds_and_never_at_the_same_moment(mood: Mood) -> None:
+def test_face_blinks_every_four_seconds_at_varying_moments(mood: Mood) -> None:
     times = np.arange(0, 100 * BLINK_INTERVAL, 0.02)
     shut = np.array([lids(mood, float(time)) < lids(mood, CALM) / 2 for time in times])
     begins = times[1:][shut[1:] & ~shut[:-1]]
@@ -105,12 +105,12 @@ def test_it_blinks_once_in_four_seconds_and_never_at_the_same_moment(mood: Mood)
 
 
 @pytest.mark.parametrize("mood", [Mood.HAPPY, Mood.ASLEEP])
-def test_eyes_that_are_shut_do_not_blink(mood: Mood) -> None:
+def test_closed_eyes_do_not_blink(mood: Mood) -> None:
     assert len({lids(mood, time / 50) for time in range(400)}) == 1
 
 
 @pytest.mark.parametrize("mood", Mood)
-def test_a_mouth_that_speaks_opens_over_any_mood(mood: Mood) -> None:
+def test_speaking_mouth_opens_in_any_mood(mood: Mood) -> None:
     opened = [face_expression(ScreenContent(mood, mouth=mouth), CALM).opening for mouth in (0.1, 0.4, 0.7, 1.0)]
     assert opened == sorted(opened)
     assert opened[-1] == 1.0
@@ -123,7 +123,7 @@ def test_a_mouth_that_speaks_opens_over_any_mood(mood: Mood) -> None:
     )
 
 
-def test_a_speaker_whose_words_are_unknown_moves_its_mouth_by_itself() -> None:
+def test_mouth_moves_by_itself_for_unknown_speech() -> None:
     opened = [face_expression(ScreenContent(Mood.SPEAKING), time / 30).opening for time in range(90)]
     assert max(opened) - min(opened) > 0.4
     assert all(0 <= opening <= 1 for opening in opened)
@@ -162,7 +162,7 @@ def test_a_book_costs_no_more_to_show_than_a_page(text: str, monkeypatch: pytest
 
 
 @given(st.text(max_size=400))
-def test_no_word_is_lost_unless_an_ellipsis_says_so(text: str) -> None:
+def test_layout_loses_no_word_without_an_ellipsis(text: str) -> None:
     words = layout_text(text)
     assert len(words.lines) == len(words.baselines) <= MAX_LINES
     assert all(foot < HEIGHT for foot in words.baselines)
@@ -173,7 +173,7 @@ def test_no_word_is_lost_unless_an_ellipsis_says_so(text: str) -> None:
 
 
 @given(SHOWN, TIMES)
-def test_any_words_make_a_picture_and_news_that_can_be_read(shown: ScreenContent, time: float) -> None:
+def test_any_text_gives_a_valid_picture_and_state_line(shown: ScreenContent, time: float) -> None:
     root = ET.fromstring(picture(shown, time))  # noqa: S314 - our own
     texts = [element.text for element in root.iter("{http://www.w3.org/2000/svg}text")]
     assert texts == list(layout_text(shown.text).lines)
@@ -182,7 +182,7 @@ def test_any_words_make_a_picture_and_news_that_can_be_read(shown: ScreenContent
 
 
 @pytest.mark.parametrize("text", ["Hello", "Grüße, Zoë…", "你好", "a\x00b\ud800c"])
-def test_a_film_writes_what_it_can(text: str) -> None:
+def test_film_draws_its_text(text: str) -> None:
     size = (320, 240)
 
     below = photograph(ScreenContent(text=text), size)[170:]
@@ -210,7 +210,7 @@ def test_without_a_display_each_new_mood_and_text_is_printed_once() -> None:
     assert printed == ["face: happy", "show: hello", "face: neutral"]
 
 
-def test_a_terminal_that_has_gone_does_no_harm() -> None:
+def test_closed_terminal_is_harmless() -> None:
     def gone(text: str) -> None:
         raise BrokenPipeError(text)
 
@@ -220,7 +220,7 @@ def test_a_terminal_that_has_gone_does_no_harm() -> None:
     assert screen.content().mood is Mood.HAPPY
 
 
-def test_an_unplugged_twin_keeps_what_it_is_told_and_raises_nothing() -> None:
+def test_unplugged_screen_twin_keeps_its_content() -> None:
     told: list[str] = []
     screen = ScreenTwin(ManualClock(), report=lambda notice: told.append(notice.kind))
     screen.open()

@@ -93,7 +93,7 @@ class Listener:
         ("/face.svg", "image/svg+xml"),
     ],
 )
-def test_all_it_serves_may_only_ask_the_same_server(screen: PageScreen, path: str, kind: str) -> None:
+def test_page_may_only_request_its_own_server(screen: PageScreen, path: str, kind: str) -> None:
     response, text = ask(screen, path)
     assert (response.status, response.getheader("Content-Type")) == (200, f"{kind}; charset=utf-8")
     policy = str(response.getheader("Content-Security-Policy"))
@@ -113,13 +113,13 @@ def test_the_page_has_the_face_at_first_sight(screen: PageScreen) -> None:
 
 
 @each("host", ["localhost", "localhost:8321", "127.0.0.1:1", "[::1]:8321", "192.168.1.7"])
-def test_who_names_this_computer_is_answered(screen: PageScreen, host: str) -> None:
+def test_local_host_name_is_accepted(screen: PageScreen, host: str) -> None:
     assert ask(screen, "/", host=host)[0].status == 200
 
 
 @each("host", ["robot.example", "localhost.example:8321", "", "[", "127.0.0.1.example", "robot.example@localhost"])
 @each("path", ["/", "/events"])
-def test_a_name_that_was_pointed_at_this_computer_is_refused(screen: PageScreen, host: str, path: str) -> None:
+def test_rebound_host_name_is_refused(screen: PageScreen, host: str, path: str) -> None:
     assert ask(screen, path, host=host)[0].status == 403
 
 
@@ -140,17 +140,17 @@ def test_pages_from_elsewhere_may_not_listen_and_take_no_place(screen: PageScree
 
 
 @each("site", ["same-origin", "none"])
-def test_the_page_itself_may_listen(screen: PageScreen, site: str) -> None:
+def test_same_origin_page_may_listen(screen: PageScreen, site: str) -> None:
     with closing(Listener(screen, Sec_Fetch_Site=site, Origin=screen.address.rstrip("/"))) as page:
         assert page.status == 200
 
 
 @each("method", ["POST", "PUT", "DELETE", "OPTIONS"])
-def test_it_is_only_to_be_looked_at(screen: PageScreen, method: str) -> None:
+def test_write_methods_are_refused(screen: PageScreen, method: str) -> None:
     assert ask(screen, "/", method=method)[0].status == 501
 
 
-def test_what_is_not_there_is_not_found(screen: PageScreen) -> None:
+def test_unknown_path_is_not_found(screen: PageScreen) -> None:
     assert ask(screen, "/../expression.py")[0].status == 404
 
 
@@ -187,7 +187,7 @@ def test_four_pages_may_listen_and_the_next_when_one_has_gone(screen: PageScreen
         page.close()
 
 
-def test_at_the_end_a_page_is_told_that_the_robot_sleeps(screen: PageScreen) -> None:
+def test_page_shows_a_sleeping_face_when_the_screen_closes(screen: PageScreen) -> None:
     with closing(Listener(screen)) as page:
         page.until("neutral face")
         screen.close()
@@ -196,7 +196,7 @@ def test_at_the_end_a_page_is_told_that_the_robot_sleeps(screen: PageScreen) -> 
             pass
 
 
-def test_neither_silent_nor_slow_browsers_keep_it_from_closing(screen: PageScreen) -> None:
+def test_silent_and_slow_browsers_do_not_delay_close(screen: PageScreen) -> None:
     screen.mood(Mood.ASLEEP)
     with socket.create_connection(("127.0.0.1", port_of(screen))) as silent, socket.socket() as slow:
         slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
@@ -212,7 +212,7 @@ def test_neither_silent_nor_slow_browsers_keep_it_from_closing(screen: PageScree
 
 
 @pytest.mark.real_time
-def test_many_silent_browsers_do_not_keep_it_longer_than_one(screen: PageScreen) -> None:
+def test_many_silent_browsers_do_not_delay_close_further(screen: PageScreen) -> None:
     with ExitStack() as browsers:
         for _ in range(20):
             browsers.enter_context(socket.create_connection(("127.0.0.1", port_of(screen))))
@@ -247,7 +247,7 @@ def test_idle_connections_shut_no_browser_out(screen: PageScreen) -> None:
         assert ask(screen, "/")[0].status == 200
 
 
-def test_one_address_does_not_take_the_places_of_all_who_listen() -> None:
+def test_one_address_cannot_take_all_listener_places() -> None:
     talks = Connections()
     places = [socket.socketpair() for _ in range(MAX_LISTENERS + 3)]
     try:
@@ -267,9 +267,7 @@ def test_one_address_does_not_take_the_places_of_all_who_listen() -> None:
                 end.close()
 
 
-def test_a_browser_that_asks_a_byte_at_a_time_is_hung_up_on(
-    screen: PageScreen, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_browser_with_a_slow_request_is_disconnected(screen: PageScreen, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.screen.server.REQUEST_TIMEOUT", 0.3)
     clock, pause = SystemClock(), Event()
     with socket.create_connection(("127.0.0.1", port_of(screen))) as slow, suppress(ConnectionError):
@@ -288,7 +286,7 @@ def test_two_robots_on_one_computer_take_two_ports(screen: PageScreen) -> None:
     other.close()
 
 
-def test_a_port_that_is_taken_is_waited_for_and_keeps_no_robot_from_working(screen: PageScreen) -> None:
+def test_busy_port_is_retried_and_the_screen_stays_usable(screen: PageScreen) -> None:
     told: list[DeviceStatus] = []
     port = port_of(screen)
     other = PageScreen(SystemClock(), port=port, report=told.append)
@@ -307,7 +305,7 @@ def test_a_port_that_is_taken_is_waited_for_and_keeps_no_robot_from_working(scre
     other.close()
 
 
-def test_one_that_waits_for_a_port_can_be_closed(screen: PageScreen) -> None:
+def test_screen_waiting_for_its_port_can_be_closed(screen: PageScreen) -> None:
     other = PageScreen(SystemClock(), port=port_of(screen))
     other.open()
     other.close()
@@ -343,7 +341,7 @@ def mouth(tab: Tab) -> float:
     return float(height)
 
 
-def test_the_page_asks_its_own_server_alone_and_nothing_goes_wrong(tab: Tab, screen: PageScreen) -> None:
+def test_page_requests_only_its_server_without_errors(tab: Tab, screen: PageScreen) -> None:
     screen.show("hello")
     wait_until(lambda: "hello" in tab.text())
     names = ("", "page.css", "page.js", "events")
@@ -359,7 +357,7 @@ def test_a_mood_is_to_be_seen(tab: Tab, screen: PageScreen, mood: Mood) -> None:
     wait_until(lambda: unlike(seen(tab), drawn) < 3.5)  # whatever blinks and moves comes past this now and then
 
 
-def test_words_are_to_be_seen_as_they_are_and_vanish(tab: Tab, screen: PageScreen) -> None:
+def test_page_shows_text_literally_and_clears_text(tab: Tab, screen: PageScreen) -> None:
     screen.mood(Mood.HAPPY)
     still = face_image(face_expression(ScreenContent(Mood.HAPPY), 0.0), "", SIZE)
     wait_until(lambda: unlike(seen(tab), still) < 3)
@@ -375,7 +373,7 @@ def test_words_are_to_be_seen_as_they_are_and_vanish(tab: Tab, screen: PageScree
     wait_until(lambda: unlike(seen(tab), still) < 3)
 
 
-def test_the_mouth_moves_with_speech_and_shuts_after_it(tab: Tab, screen: PageScreen) -> None:
+def test_page_mouth_moves_with_speech_and_closes(tab: Tab, screen: PageScreen) -> None:
     assert mouth(tab) < 10
 
     def speak() -> bool:
@@ -400,9 +398,7 @@ def test_the_face_does_not_jump_from_mood_to_mood(tab: Tab, screen: PageScreen) 
     assert any(heights[0] + 1 < height < heights[-1] - 1 for height in heights)
 
 
-def test_a_page_that_hears_nothing_for_three_seconds_sleeps_until_the_robot_is_back(
-    tab: Tab, screen: PageScreen
-) -> None:
+def test_page_sleeps_after_three_seconds_without_news(tab: Tab, screen: PageScreen) -> None:
     screen.show("help")
     wait_until(lambda: label(tab) == "neutral face: help")
     clock = SystemClock()
@@ -417,7 +413,7 @@ def test_a_page_that_hears_nothing_for_three_seconds_sleeps_until_the_robot_is_b
     wait_until(lambda: tab.text().strip() == "help")
 
 
-def test_a_page_that_stays_open_shows_the_next_run(tab: Tab, screen: PageScreen) -> None:
+def test_open_page_shows_the_next_run(tab: Tab, screen: PageScreen) -> None:
     port = port_of(screen)
     screen.close()
     wait_until(lambda: label(tab) == "asleep face")
@@ -428,14 +424,14 @@ def test_a_page_that_stays_open_shows_the_next_run(tab: Tab, screen: PageScreen)
     other.close()
 
 
-def test_a_page_of_another_release_loads_itself_again(tab: Tab, screen: PageScreen) -> None:
+def test_page_of_another_release_reloads(tab: Tab, screen: PageScreen) -> None:
     tab.evaluate("document.documentElement.dataset.edition = 'old'; globalThis.old = true; 0")
     screen.mood(Mood.HAPPY)
     wait_until(lambda: not tab.evaluate("globalThis.old ?? false"))
     wait_until(lambda: label(tab) == "happy face")
 
 
-def test_it_fills_a_screen_of_any_shape_with_the_face_in_its_middle(browser: Browser, screen: PageScreen) -> None:
+def test_page_fills_any_screen_with_a_centred_face(browser: Browser, screen: PageScreen) -> None:
     screen.mood(Mood.HAPPY)
     for size in ((800, 480), (480, 800)):
         image = seen(browser.open(screen.address, size=size))
@@ -449,7 +445,7 @@ def test_it_fills_a_screen_of_any_shape_with_the_face_in_its_middle(browser: Bro
         assert (corners == corners[0]).all()
 
 
-def test_what_speaks_http_is_loaded_for_browsers_alone() -> None:
+def test_http_server_is_imported_only_for_browsers() -> None:
     program = "import drivers.screen.pages, sys; print('http.server' in sys.modules)"
     told = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert told.strip() == "False"

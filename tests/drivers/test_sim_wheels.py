@@ -19,14 +19,14 @@ def rolling(linear: float, angular: float, *, slip: float = 0.0) -> SimulatedWhe
     return wheels
 
 
-def test_wheels_stand_still_until_they_are_told_otherwise() -> None:
+def test_wheels_stand_still_without_a_command() -> None:
     wheels = SimulatedWheels()
     wheels.advance(1000.0)
     assert wheels.advance(1e9) == Pose2D(0.0, 0.0, 0.0)
     assert (wheels.left, wheels.right, wheels.velocity) == (0.0, 0.0, Velocity(0.0, 0.0))
 
 
-def test_a_start_takes_the_time_that_the_motors_need() -> None:
+def test_wheels_accelerate_at_their_limit() -> None:
     wheels = SimulatedWheels(acceleration=0.5)
     wheels.command(0.4, 0.0, 10.0)
     wheels.advance(10.4)
@@ -58,7 +58,7 @@ def test_a_constant_velocity_makes_a_circle(linear: float, angular: float, secon
 
 
 @given(st.lists(st.floats(0.0, 0.3), min_size=1, max_size=20))
-def test_it_does_not_matter_how_often_one_looks(pauses: list[float]) -> None:
+def test_wheel_positions_are_independent_of_the_step_rate(pauses: list[float]) -> None:
     often, once = SimulatedWheels(), SimulatedWheels()
     for wheels in (often, once):
         wheels.command(0.5, 1.0, 0.0)
@@ -89,7 +89,7 @@ def test_slipping_wheels_turn_further_than_the_base_goes() -> None:
     assert wheels.speeds == pytest.approx((0.4, 0.4))
 
 
-def test_a_base_put_down_elsewhere_rolls_on_from_there() -> None:
+def test_relocated_base_rolls_on_from_the_new_pose() -> None:
     wheels = rolling(0.5, 0.0)
     wheels.advance(1.0)
     travelled = wheels.left
@@ -99,7 +99,7 @@ def test_a_base_put_down_elsewhere_rolls_on_from_there() -> None:
     assert wheels.left == pytest.approx(travelled + 0.5)
 
 
-def test_time_that_runs_backwards_changes_nothing() -> None:
+def test_time_running_backwards_changes_nothing() -> None:
     wheels = rolling(0.5, 0.0)
     pose = wheels.advance(2.0)
     assert wheels.advance(1.0) == pose
@@ -108,6 +108,6 @@ def test_time_that_runs_backwards_changes_nothing() -> None:
 @pytest.mark.parametrize(
     "wrong", [{"separation": 0.0}, {"acceleration": -1.0}, {"dead_time": -0.1}, {"slip": 1.0}, {"slip": float("nan")}]
 )
-def test_wheels_that_make_no_sense_are_refused(wrong: dict[str, Any]) -> None:
+def test_invalid_wheels_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         SimulatedWheels(**wrong)

@@ -154,7 +154,7 @@ def bench(program: Path) -> Iterator[Bench]:
     bench.board.reset()
 
 
-def test_it_sends_its_servos_nowhere_before_it_is_asked_and_then_where_it_is_asked(bench: Bench) -> None:
+def test_servos_do_not_move_before_the_first_command(bench: Bench) -> None:
     bench.start().passes(2.0)
     assert bench.board.sent == []
     assert ["may leap" in fault for fault in bench.faults()] == [True]
@@ -168,7 +168,7 @@ def test_it_sends_its_servos_nowhere_before_it_is_asked_and_then_where_it_is_ask
     assert bench.board.widest <= STEP
 
 
-def test_its_watchdog_stops_the_ramp_that_nobody_leads_on(bench: Bench) -> None:
+def test_watchdog_stops_the_ramp_without_commands(bench: Bench) -> None:
     bench.start().looks(0)
     (report,) = {
         guardian_wire.parse_line(line)
@@ -185,7 +185,7 @@ def test_its_watchdog_stops_the_ramp_that_nobody_leads_on(bench: Bench) -> None:
     assert bench.board.widest <= STEP
 
 
-def test_what_is_sent_for_the_start_before_moves_nothing(bench: Bench) -> None:
+def test_commands_for_an_earlier_boot_move_nothing(bench: Bench) -> None:
     bench.start().looks(0)
     before = len(bench.board.sent)
     for boot in (0, 1, 31999):
@@ -194,7 +194,7 @@ def test_what_is_sent_for_the_start_before_moves_nothing(bench: Bench) -> None:
     assert len(bench.board.sent) == before
 
 
-def test_a_reset_in_mid_move_is_noticed_and_it_stays_until_it_is_asked_anew(bench: Bench) -> None:
+def test_reset_in_mid_move_stops_the_head_until_a_new_command(bench: Bench) -> None:
     bench.start().looks(70, lasting=0.4)
     bench.board.reset()
     bench.passes(2.0)
@@ -223,7 +223,7 @@ def test_unplugged_in_mid_move_and_plugged_in_again_nothing_leaps(bench: Bench) 
     assert bench.board.widest <= STEP
 
 
-def test_the_next_program_knows_where_its_servos_were_left(bench: Bench, tmp_path: Path) -> None:
+def test_servo_angles_are_restored_by_the_next_program(bench: Bench, tmp_path: Path) -> None:
     port = tmp_path / "nano"
     port.touch()
     bench.head = bench.driver(ServoAngleStore(tmp_path, str(port)))

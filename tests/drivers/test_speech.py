@@ -96,7 +96,7 @@ def test_twice_the_speed_takes_about_half_the_time(room: Room) -> None:
     assert 0.4 < quick.mouth[-1].at / length < 0.65
 
 
-def test_another_language_has_other_sounds(room: Room) -> None:
+def test_language_changes_the_phonemes(room: Room) -> None:
     english, german = room.voice.say("die Maus"), room.voice.say("die Maus", SpeechStyle(language="de"))
     wait_until(lambda: english.started is not None)
     heard = list(english.mouth)
@@ -111,7 +111,7 @@ def test_voices_go_by_their_names_and_languages(room: Room, name: str) -> None:
     assert room.notices == []
 
 
-def test_a_voice_that_there_is_not_is_told_once_and_another_speaks(room: Room) -> None:
+def test_missing_voice_is_reported_once_and_replaced(room: Room) -> None:
     for _ in range(2):
         wait_until(room.voice.say("so", SpeechStyle(voice="en-us+nonsense")).done)
     (notice,) = room.notices
@@ -128,7 +128,7 @@ def test_no_name_of_a_voice_ends_the_synthesiser(room: Room) -> None:
 
 
 @each("text", ["...", "a\0b", "<speak>&", "[[p]]", "naïve 🤖 日本", "odd \udc80 one", "-v de", "7" * 40])
-def test_any_text_comes_to_its_end(room: Room, text: str) -> None:
+def test_any_text_is_spoken_to_its_end(room: Room, text: str) -> None:
     words = room.voice.say(text, SpeechStyle(speed=450))
     if len(text) > 20:  # digit by digit
         wait_until(lambda: words.started is not None)
@@ -138,7 +138,7 @@ def test_any_text_comes_to_its_end(room: Room, text: str) -> None:
 
 
 @pytest.mark.real_time
-def test_halted_the_player_falls_silent_by_itself(room: Room) -> None:
+def test_cancelled_player_stops_without_a_restart(room: Room) -> None:
     for _ in range(3):
         words = room.voice.say(LONG)
         wait_until(lambda: words.started is not None)  # noqa: B023 - it is waited for here
@@ -148,7 +148,7 @@ def test_halted_the_player_falls_silent_by_itself(room: Room) -> None:
     assert room.notices == []
 
 
-def test_a_player_that_does_not_obey_is_killed_and_the_next_words_are_heard(room: Room) -> None:
+def test_unresponsive_player_is_killed_and_the_next_speech_is_played(room: Room) -> None:
     words = room.voice.say(LONG)
     wait_until(lambda: words.started is not None)
     stopped = room.process(room.player)
@@ -162,7 +162,7 @@ def test_a_player_that_does_not_obey_is_killed_and_the_next_words_are_heard(room
     assert [notice.kind for notice in room.notices] == ["fault"]
 
 
-def test_words_whose_player_dies_are_printed_and_take_the_rest_of_their_time(room: Room) -> None:
+def test_speech_of_a_dead_player_is_printed_for_its_remaining_time(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     words = room.voice.say("one two three four five six")
     wait_until(lambda: words.started is not None)
@@ -181,7 +181,7 @@ def test_words_whose_player_dies_are_printed_and_take_the_rest_of_their_time(roo
     assert room.voice.health().detail == ""
 
 
-def test_words_whose_synthesiser_dies_are_printed_and_the_next_are_spoken(room: Room) -> None:
+def test_speech_of_a_dead_synthesiser_is_printed_and_the_next_is_spoken(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     room.signal(room.engine, signal.SIGSTOP)
     asked = room.engine._number
@@ -195,9 +195,7 @@ def test_words_whose_synthesiser_dies_are_printed_and_the_next_are_spoken(room: 
     assert len(room.notices) == 1
 
 
-def test_a_synthesiser_that_hangs_is_told_of_and_the_next_words_are_spoken(
-    room: Room, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_hanging_synthesiser_is_reported_and_restarted(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     wait_until(room.voice.say("so").done)
     room.signal(room.engine, signal.SIGSTOP)
     with monkeypatch.context() as hurried:
@@ -223,7 +221,7 @@ def stuck(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[EspeakEng
     engine.close()
 
 
-def test_a_program_that_hangs_while_it_starts_is_replaced_and_told_of(
+def test_program_hanging_at_its_start_is_reported_and_restarted(
     stuck: EspeakEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(partner, "START_TIMEOUT", 0.1)
@@ -236,9 +234,7 @@ def test_a_program_that_hangs_while_it_starts_is_replaced_and_told_of(
     wait_until(lambda: stuck._worker.health().counters["starts"] == 2)
 
 
-def test_closed_while_it_starts_nobody_waits_for_it_any_more(
-    stuck: EspeakEngine, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_close_during_the_start_ends_the_wait(stuck: EspeakEngine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(partner, "START_TIMEOUT", 60.0)
     raised: list[Exception] = []
 
@@ -256,7 +252,7 @@ def test_closed_while_it_starts_nobody_waits_for_it_any_more(
     assert len(raised) == 1
 
 
-def test_a_loudspeaker_that_hangs_holds_nobody_up_for_ever(room: Room) -> None:
+def test_hanging_loudspeaker_is_reported(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     words = room.voice.say("so")
     wait_until(lambda: words.started is not None)
@@ -265,7 +261,7 @@ def test_a_loudspeaker_that_hangs_holds_nobody_up_for_ever(room: Room) -> None:
     assert any("the loudspeaker hangs" in notice.message for notice in room.notices)
 
 
-def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_is_told_once() -> None:
+def test_missing_sound_card_prints_speech_at_its_speed_with_one_notice() -> None:
     room, heard = Room(device="no such loudspeaker"), Room()
     for one in (room, heard):
         one.voice.open()
@@ -287,7 +283,7 @@ def test_without_a_sound_card_words_are_printed_as_they_would_be_heard_and_that_
         heard.voice.close()
 
 
-def test_what_is_broken_off_without_a_sound_card_is_printed_again() -> None:
+def test_preempted_speech_without_a_sound_card_is_printed_again() -> None:
     room = Room(device="no such loudspeaker")
     room.voice.open()
     usual = room.voice.say("one two")
@@ -298,7 +294,7 @@ def test_what_is_broken_off_without_a_sound_card_is_printed_again() -> None:
     assert room.printed == ["one two", "stop", "one two"]
 
 
-def test_a_sound_that_cannot_be_decoded_is_told_and_ends(room: Room, tmp_path: Path) -> None:
+def test_undecodable_sound_is_reported_and_ends(room: Room, tmp_path: Path) -> None:
     path = tmp_path / "bell.ogg"
     path.write_bytes(b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis" + bytes(100))
     wait_until(room.voice.play(path).done)
@@ -307,7 +303,7 @@ def test_a_sound_that_cannot_be_decoded_is_told_and_ends(room: Room, tmp_path: P
     assert notice.hint == f"`file {path}` shows what it is"
 
 
-def test_a_sound_that_lasts_too_long_is_refused_and_its_time_is_not_waited_for(room: Room, tmp_path: Path) -> None:
+def test_too_long_sound_is_refused_without_waiting(room: Room, tmp_path: Path) -> None:
     path, rate, frames = tmp_path / "song.flac", 44_100, 44_100 * 60 * 40
     about = (rate << 44 | 15 << 36 | frames).to_bytes(8, "big")  # 16 bits a sample, one channel
     path.write_bytes(b"fLaC\x80\0\0\x22" + b"\x10\0\x10\0" + bytes(6) + about + bytes(16) + bytes(1_000_000))
@@ -318,7 +314,7 @@ def test_a_sound_that_lasts_too_long_is_refused_and_its_time_is_not_waited_for(r
     assert room.printed == []
 
 
-def test_a_program_without_its_library_is_told_once_and_words_are_printed(room: Room) -> None:
+def test_missing_library_is_reported_once_and_speech_is_printed(room: Room) -> None:
     wait_until(room.voice.say("so").done)
     for _ in range(2):
         room.engine.on_message({"absent": "No module named 'espeakng_loader'"}, b"")
@@ -332,9 +328,7 @@ def test_a_program_without_its_library_is_told_once_and_words_are_printed(room: 
     assert (health.online, health.detail) == (False, notice.message)
 
 
-def test_closed_in_the_middle_of_words_nothing_is_left_and_opened_again_it_speaks(
-    room: Room, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_voice_closed_in_mid_speech_leaves_no_process_and_reopens(room: Room, monkeypatch: pytest.MonkeyPatch) -> None:
     # What is said while its program starts for longer than this is printed: on a busy machine it does.
     monkeypatch.setattr("drivers.sound.worker_client.START_TIMEOUT", 60.0)
     words = room.voice.say(LONG)

@@ -63,7 +63,7 @@ ROBOT = SpeechStyle("en-us+f2", 120, "en-us")
         (SpeechStyle(voice="en-gb", language="de"), "en-gb", 120),
     ],
 )
-def test_what_a_mission_leaves_open_the_robot_says(asked: SpeechStyle, name: str, speed: float) -> None:
+def test_unset_speech_style_is_filled_in_from_the_robot(asked: SpeechStyle, name: str, speed: float) -> None:
     manner = fill_manner(asked, ROBOT)
     assert (espeak_name(manner), manner.speed) == (name, speed)
 
@@ -79,7 +79,7 @@ def test_what_a_mission_leaves_open_the_robot_says(asked: SpeechStyle, name: str
         (SpeechStyle("+f3"), DEFAULT_STYLE, "en+f3"),
     ],
 )
-def test_another_variant_changes_no_language(asked: SpeechStyle, usual: SpeechStyle, name: str) -> None:
+def test_variant_does_not_change_the_language(asked: SpeechStyle, usual: SpeechStyle, name: str) -> None:
     assert espeak_name(fill_manner(asked, usual)) == name
 
 
@@ -118,14 +118,14 @@ NO_SOUNDS = (
 )  # fmt: skip
 
 
-def test_sounds_are_told_by_how_they_begin(tmp_path: Path) -> None:
+def test_sound_format_is_recognised_by_its_first_bytes(tmp_path: Path) -> None:
     path = tmp_path / "sound"
     for data in SOUNDS:
         path.write_bytes(data)
         assert check_sound_file("voice", path) == path, data[:40]
 
 
-def test_what_nobody_could_play_is_told_by_that_too(tmp_path: Path) -> None:
+def test_unplayable_file_is_refused_by_its_first_bytes(tmp_path: Path) -> None:
     path, wrong = tmp_path / "sound", []
     for data in NO_SOUNDS:
         path.write_bytes(data)
@@ -143,12 +143,12 @@ def test_what_nobody_could_play_is_told_by_that_too(tmp_path: Path) -> None:
                 check_sound_file("voice", path)
 
 
-def test_where_no_sound_is_it_is_told(tmp_path: Path) -> None:
+def test_folder_is_refused_as_a_sound(tmp_path: Path) -> None:
     with pytest.raises(BadRequest, match="no such file"):
         check_sound_file("voice", tmp_path)
 
 
-def test_a_wav_file_says_how_long_it_is_and_of_others_the_size_does(tmp_path: Path) -> None:
+def test_sound_duration_is_from_the_wav_header_or_the_file_size(tmp_path: Path) -> None:
     path = tmp_path / "sound"
     with wave.open(str(path), "wb") as file:
         file.setnchannels(2)
@@ -161,7 +161,7 @@ def test_a_wav_file_says_how_long_it_is_and_of_others_the_size_does(tmp_path: Pa
     assert sound_duration(tmp_path / "none") == 0.0
 
 
-def test_a_wav_file_that_lies_is_as_long_as_there_is_sound_in_it(tmp_path: Path) -> None:
+def test_wrong_wav_header_is_replaced_by_the_data_size(tmp_path: Path) -> None:
     path = tmp_path / "piped.wav"
     with wave.open(str(path), "wb") as file:
         file.setparams((1, 2, 16_000, 0, "NONE", ""))
@@ -204,11 +204,11 @@ def test_a_wav_file_of_more_than_ten_minutes_is_refused(tmp_path: Path) -> None:
         ("@", Mouth.NARROW),
     ],
 )
-def test_each_phoneme_has_its_shape(phoneme: str, shape: Mouth) -> None:
+def test_phonemes_have_mouth_shapes(phoneme: str, shape: Mouth) -> None:
     assert mouth_shape(phoneme) is shape
 
 
-def test_the_mouth_keeps_a_shape_that_stays_and_ends_closed() -> None:
+def test_mouth_movement_merges_equal_shapes_and_ends_closed() -> None:
     moved = mouth_movement([(0.0, "t"), (0.1, "s"), (0.2, "'i:"), (0.3, "m"), (0.4, "_")], 0.6)
     assert moved == (
         MouthShape(0.0, Mouth.NARROW),
@@ -230,7 +230,7 @@ def test_a_sound_is_sent_in_pieces_of_which_only_the_last_is_the_last(size: int)
     assert all(head["play"] == 7 and head["rate"] == 22_050 and len(body) <= MAX_PIECE_BYTES for head, body in sent)
 
 
-def test_what_the_synthesiser_answers_is_checked() -> None:
+def test_synthesiser_reply_is_validated() -> None:
     good: dict[str, Any] = {"rate": 22_050, "phonemes": [[120, "'oU"]], "trouble": ""}
     assert parse_speech(good, bytes(5)).phonemes == ((0.12, "'oU"),)
     assert parse_speech(good, bytes(22_050)).seconds == 0.5
@@ -262,7 +262,7 @@ class Slow(WorkerProcess):
             self.player.on_message({"ended": message["play"]}, b"")
 
 
-def test_that_a_long_sound_has_begun_is_told_before_all_of_it_was_sent() -> None:
+def test_start_of_a_long_sound_is_reported_before_all_is_sent() -> None:
     slow, player = Slow(), SoundPlayer(SystemClock())
     slow.player, player._worker = player, slow
     player._handle_program(ProgramEvent.OPEN)
@@ -313,7 +313,7 @@ def test_random_events_of_a_program_take_every_transition_and_none_revives_a_clo
     assert table.visited == set(table)
 
 
-def test_what_is_broken_off_is_told_once_while_that_matters() -> None:
+def test_cancel_callback_is_called_once_while_active() -> None:
     cut, told = CancelToken(), list[str]()
     with cut.on_cancel(lambda: told.append("early")):
         pass
@@ -337,7 +337,7 @@ class Told(sound_worker.MessagePipe):
         self.said.append(message)
 
 
-def test_the_device_is_given_silence_while_sound_is_missing_and_told_of_its_end_once_it_was_heard() -> None:
+def test_playback_queue_fills_gaps_with_silence_and_reports_the_end() -> None:
     pipe = Told()
     queue = PlaybackQueue(pipe)
     device = queue.generate_samples()
@@ -354,7 +354,7 @@ def test_the_device_is_given_silence_while_sound_is_missing_and_told_of_its_end_
     assert pipe.said[1:] == [{"ended": 1, "seconds": 0.004}]
 
 
-def test_a_sound_that_is_dropped_is_heard_no_more() -> None:
+def test_dropped_sound_is_no_longer_played() -> None:
     pipe = Told()
     queue = PlaybackQueue(pipe)
     device = queue.generate_samples()
@@ -379,7 +379,7 @@ def test_a_sound_that_is_dropped_is_heard_no_more() -> None:
     ("program", "arguments", "missing"),
     [(espeak_worker, (), "espeakng_loader"), (sound_worker, ("", "null", "1.0"), "miniaudio")],
 )
-def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
+def test_worker_reports_its_missing_library_and_ends_with_its_input(
     program: Any, arguments: tuple[str, ...], missing: str
 ) -> None:
     command = [sys.executable, "-I", "-S", program.__file__, *arguments]
@@ -389,7 +389,7 @@ def test_a_program_says_which_library_it_lacks_and_ends_with_its_input(
     assert process.returncode == 0
 
 
-def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
+def test_synthesis_of_a_superseded_text_is_abandoned() -> None:
     texts = ("The quick brown fox jumps over the lazy dog. " * 200, "Stop!")
     asked = b"".join(pack_message(make_request(number, text, "", "", 150)) for number, text in enumerate(texts))
     with Popen([sys.executable, "-I", espeak_worker.__file__], stdin=PIPE, stdout=PIPE) as process:
@@ -406,7 +406,7 @@ def test_a_text_that_is_wanted_no_more_is_left_where_it_is() -> None:
     assert [message.get("id") for message in said] == [None, 1]
 
 
-def test_a_device_is_stopped_that_has_long_been_silent_and_plays_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_idle_sound_device_stops_and_plays_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sound_worker, "miniaudio", miniaudio, raising=False)
     monkeypatch.setattr(sound_worker, "IDLE_TIMEOUT", 0.05)
     pipe = Told()
@@ -426,7 +426,7 @@ def test_a_device_is_stopped_that_has_long_been_silent_and_plays_again(monkeypat
         player.close()
 
 
-def test_a_device_that_does_not_stop_and_is_opened_anew_has_its_whole_silence_before_it_is_told_again(
+def test_reopened_device_restarts_its_idle_time(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(sound_worker, "miniaudio", miniaudio, raising=False)
@@ -459,14 +459,14 @@ def shell(script: str, cut: CancelToken, limit: float = 30.0) -> ProgramOutput |
     return run_program("voice", ["sh", "-c", script], "hello", cut, SystemClock(), timeout=limit, keep_output=True)
 
 
-def test_a_program_that_never_ends_is_ended() -> None:
+def test_program_that_never_ends_is_killed() -> None:
     with pytest.raises(NoReply, match="voice: sh: timed out after 0 s") as raised:
         shell("sleep 100", CancelToken(), limit=0.3)
     assert raised.value.hint.startswith("echo hello | sh -c 'sleep 100'")
 
 
 @pytest.mark.parametrize("ends", [True, False])
-def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bool) -> None:
+def test_orphaned_child_processes_are_not_waited_for(tmp_path: Path, ends: bool) -> None:
     left, cut = tmp_path / "left", CancelToken()
     alone = f"setsid sh -c 'echo $$ > {left}.new; mv {left}.new {left}; exec sleep 900'"
     script = f"{alone} & cat; echo oh >&2{'' if ends else '; sleep 900'}"
@@ -487,7 +487,7 @@ def test_what_a_program_leaves_behind_is_not_waited_for(tmp_path: Path, ends: bo
 @pytest.mark.parametrize(
     ("script", "heard"), [("echo 'no card' >&2", False), ("echo hm >&2; sleep 0.5", True), (":", True)]
 )
-def test_a_program_that_complains_and_ends_at_once_has_not_spoken(script: str, heard: bool) -> None:
+def test_failing_speech_program_has_not_spoken(script: str, heard: bool) -> None:
     clock, printed, notices = SystemClock(), list[str](), list[DeviceStatus]()
     # A shell that ends at once takes its time on a busy machine: on its own clock it takes none.
     engine = ProgramEngine(Synthesiser("sh", ("-c", f"cat; {script}")), clock if heard else ManualClock())
@@ -527,7 +527,7 @@ def piper(tmp_path: Path) -> Path:
     return program
 
 
-def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
+def test_piper_returns_sound_at_the_rate_of_its_model(piper: Path) -> None:
     model = piper.with_name("amy.onnx")
     engine = PiperEngine(model, SystemClock(), program=str(piper))
     engine.open()
@@ -539,7 +539,7 @@ def test_piper_makes_sound_at_the_rate_of_its_model(piper: Path) -> None:
     assert said == f"--model {model} --output-raw --length-scale 0.500|two lines"
 
 
-def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
+def test_failing_piper_gives_a_hint(piper: Path) -> None:
     engine = PiperEngine(piper.with_name("amy.onnx"), SystemClock(), program=str(piper))
     with pytest.raises(DeviceFault, match="ended with 1: no such model") as raised:
         engine.speak("fail", SpeechStyle(speed=150), CancelToken())
@@ -553,7 +553,7 @@ def test_piper_that_fails_or_has_no_model_says_what_to_try(piper: Path) -> None:
 # --- which voice ------------------------------------------------------------------------------------------------------
 
 
-def test_each_driver_has_its_engine() -> None:
+def test_voice_drivers_have_their_engines() -> None:
     def engine(wish: VoiceSettings) -> object:
         voice = make_voice(wish, SystemClock(), print)
         return voice._engine if isinstance(voice, SpeechVoice) else voice
@@ -587,7 +587,7 @@ def test_without_the_wheel_an_installed_program_speaks_else_words_are_printed(
     assert isinstance(make_voice(VoiceSettings("auto"), SystemClock(), print), SpeechVoice)
 
 
-def test_a_command_of_the_users_is_told_how_to_speak(tmp_path: Path) -> None:
+def test_custom_speech_command_gets_its_placeholders(tmp_path: Path) -> None:
     program, said = tmp_path / "tts.py", tmp_path / "said"
     program.write_text(f"import sys; open({str(said)!r}, 'w').write(' '.join(sys.argv[1:]) + '|' + sys.stdin.read())")
     command = f"{sys.executable} {program} --pace={{speed}} --as={{voice}}"

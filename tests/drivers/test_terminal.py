@@ -49,7 +49,7 @@ def eventually(condition: Callable[[], bool]) -> bool:
     return False
 
 
-def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None:
+def test_terminal_creates_nothing_before_open_and_leaves_nothing() -> None:
     terminal = PseudoTerminal("nano", VirtualRodney(), ManualClock())
     folder = Path(terminal.path).parent
     assert not folder.exists()
@@ -65,7 +65,7 @@ def test_it_makes_nothing_before_it_is_opened_and_leaves_nothing_after() -> None
 
 
 @pytest.mark.real_time
-def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
+def test_timed_device_is_polled_on_time() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.002)
     assert isinstance(echo, TimedDevice)
@@ -83,7 +83,7 @@ def test_a_punctual_device_is_heard_on_the_moment_not_once_a_period() -> None:
 
 
 @pytest.mark.real_time
-def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_be_unplugged() -> None:
+def test_busy_waiting_terminal_answers_sleeps_and_can_be_unplugged() -> None:
     clock = SystemClock()
     terminal = PseudoTerminal("awake", Echo(clock, 0.001), clock, busy_wait=0.05)
     terminal.open()
@@ -102,7 +102,7 @@ def test_one_that_stays_awake_answers_again_and_again_and_falls_asleep_and_can_b
         terminal.close()
 
 
-def test_a_device_of_many_rates_is_told_even_a_rate_that_has_no_name() -> None:
+def test_device_is_notified_of_unusual_baud_rates() -> None:
     clock = SystemClock()
     echo = Echo(clock, 0.0)
     assert isinstance(echo, MultiRateDevice)

@@ -11,7 +11,7 @@ times = st.floats(0.0, 100.0)
 
 
 @given(st.lists(times))
-def test_everything_happens_at_its_time_and_in_order(due: list[float]) -> None:
+def test_timeline_calls_are_in_order_of_time(due: list[float]) -> None:
     timeline = Timeline()
     happened: list[tuple[float, float]] = []
 
@@ -26,7 +26,7 @@ def test_everything_happens_at_its_time_and_in_order(due: list[float]) -> None:
     assert timeline.clock.now() == 100.0
 
 
-def test_what_is_due_at_the_same_time_happens_in_the_order_in_which_it_was_asked_for() -> None:
+def test_simultaneous_calls_are_in_order_of_request() -> None:
     timeline = Timeline()
     happened: list[str] = []
     for word in ("one", "two", "three"):
@@ -35,7 +35,7 @@ def test_what_is_due_at_the_same_time_happens_in_the_order_in_which_it_was_asked
     assert happened == ["one", "two", "three"]
 
 
-def test_what_is_done_over_and_over_keeps_to_an_absolute_schedule() -> None:
+def test_repeated_calls_follow_an_absolute_schedule() -> None:
     timeline = Timeline()
     ticks: list[float] = []
     timeline.call_every(0.1, lambda: ticks.append(timeline.clock.now()))
@@ -43,7 +43,7 @@ def test_what_is_done_over_and_over_keeps_to_an_absolute_schedule() -> None:
     assert ticks == [number * 0.1 for number in range(1001)]
 
 
-def test_time_stops_where_somebody_says_stop() -> None:
+def test_run_until_stops_at_its_condition() -> None:
     timeline = Timeline()
     ticks: list[float] = []
     timeline.call_every(1.0, lambda: ticks.append(timeline.clock.now()))
@@ -53,7 +53,7 @@ def test_time_stops_where_somebody_says_stop() -> None:
     assert len(ticks) == 11
 
 
-def test_what_should_have_happened_already_happens_with_the_next_step() -> None:
+def test_overdue_call_happens_at_the_next_step() -> None:
     timeline = Timeline()
     timeline.run_until(5.0)
     happened: list[float] = []

@@ -94,7 +94,7 @@ def kinds(notices: list[DeviceStatus]) -> list[str]:
 # --- the plug ---------------------------------------------------------------------------------------------------------
 
 
-def test_a_plug_tells_only_of_what_was_not_meant() -> None:
+def test_plug_reports_only_unplanned_changes() -> None:
     notices: list[DeviceStatus] = []
     calls: list[str] = []
     plug = SimulatedPlug(
@@ -118,7 +118,7 @@ def test_a_plug_tells_only_of_what_was_not_meant() -> None:
         plug.check_online()
 
 
-def test_a_plug_survives_a_listener_that_fails(caplog: pytest.LogCaptureFixture) -> None:
+def test_plug_survives_a_failing_callback(caplog: pytest.LogCaptureFixture) -> None:
     def fail(notice: DeviceStatus) -> None:
         raise RuntimeError(notice.message)
 
@@ -132,7 +132,7 @@ def test_a_plug_survives_a_listener_that_fails(caplog: pytest.LogCaptureFixture)
 # --- likeness ---------------------------------------------------------------------------------------------------------
 
 
-def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
+def test_base_twin_drives_like_the_real_driver() -> None:
     clock = ManualClock()
     link = DirectLink(VirtualKobuki(wheels=SimulatedWheels(dead_time=0.1, slip=0.05)), clock)
     real, twin = (
@@ -163,7 +163,7 @@ def test_the_base_drives_as_the_real_driver_over_its_wire() -> None:
     )
 
 
-def test_the_head_turns_as_the_real_driver_over_its_wire() -> None:
+def test_head_twin_turns_like_the_real_driver() -> None:
     clock, rodney = ManualClock(), VirtualRodney(tacho=True)
     link = DirectLink(rodney, clock)
     real = ArduinoHead(ArduinoBoard(link, clock, boot_delay=0.0), clock, pan=PAN, tilt=TILT, speed=2.0)
@@ -241,7 +241,7 @@ def test_a_noisy_gyro_leads_astray_and_no_other_does() -> None:
     assert noisy.base.true_pose(noisy.clock.now()).heading == 0.0
 
 
-def test_lost_reports_are_a_share_and_do_not_stop_it() -> None:
+def test_partly_lost_reports_do_not_stop_the_base() -> None:
     bench = BaseBench(dropouts=0.3, seed=1)
     bench.run(20.0, Velocity(0.2, 0.0))
     assert bench.base.health().counters["frames"] == pytest.approx(700, abs=70)
@@ -250,7 +250,7 @@ def test_lost_reports_are_a_share_and_do_not_stop_it() -> None:
     assert kinds(bench.notices) == ["online"]
 
 
-def test_a_base_whose_reports_are_all_lost_counts_as_offline_and_stands_still() -> None:
+def test_base_without_any_report_is_offline_and_stands() -> None:
     bench = BaseBench(dropouts=1.0)
     bench.base.drive(Velocity(0.3, 0.0))
     bench.run(0.5)
@@ -265,7 +265,7 @@ def test_a_base_whose_reports_are_all_lost_counts_as_offline_and_stands_still() 
     assert bench.base.state().quality is Quality.STALE
 
 
-def test_a_base_that_falls_silent_stands_still_though_its_command_still_holds() -> None:
+def test_silent_base_stops_before_its_command_expires() -> None:
     bench = BaseBench(dropouts=1.0)
     for _ in range(2):
         bench.timeline.run_until(bench.clock.now() + 0.1)
@@ -276,7 +276,7 @@ def test_a_base_that_falls_silent_stands_still_though_its_command_still_holds() 
     assert bench.base.body.velocity == ZERO_VELOCITY
 
 
-def test_a_base_that_reports_now_and_then_comes_and_goes() -> None:
+def test_rarely_reporting_base_goes_online_and_offline() -> None:
     bench = BaseBench(dropouts=0.95, seed=2)
     bench.run(20.0)
     told = kinds(bench.notices)
@@ -284,7 +284,7 @@ def test_a_base_that_reports_now_and_then_comes_and_goes() -> None:
     assert told == ["online", "offline"] * (len(told) // 2) + ["online"] * (len(told) % 2)
 
 
-def test_a_battery_holds_what_is_left_of_it() -> None:
+def test_drained_battery_keeps_its_charge() -> None:
     bench = BaseBench()
     bench.base.drain(12.0)
     state = bench.base.state().value
@@ -295,7 +295,7 @@ def test_a_battery_holds_what_is_left_of_it() -> None:
         bench.base.drain(120.0)
 
 
-def test_buttons_are_felt_while_they_are_pressed() -> None:
+def test_buttons_are_reported_while_pressed() -> None:
     bench = BaseBench()
     bench.base.press(buttons=frozenset({1}))
     bench.run(0.1)
@@ -309,7 +309,7 @@ def test_buttons_are_felt_while_they_are_pressed() -> None:
     assert state.buttons == frozenset()
 
 
-def test_a_base_put_over_an_edge_tells_it_once() -> None:
+def test_base_at_an_edge_reports_each_cliff_once() -> None:
     bench = BaseBench()
     bench.base.press(cliff=Sides(left=True))
     bench.run(1.0)
@@ -321,7 +321,7 @@ def test_a_base_put_over_an_edge_tells_it_once() -> None:
     ]
 
 
-def test_an_unplugged_base_rolls_to_a_stop_and_forgets_its_command() -> None:
+def test_unplugged_base_rolls_to_a_stop_and_drops_its_command() -> None:
     bench = BaseBench()
     bench.run(2.0, Velocity(0.4, 0.0))
     bench.base.plug.unplug()
@@ -337,7 +337,7 @@ def test_an_unplugged_base_rolls_to_a_stop_and_forgets_its_command() -> None:
     assert bench.pose.x < rolled - 0.1
 
 
-def test_a_plug_that_only_jerked_ends_the_drive_too() -> None:
+def test_brief_unplug_ends_the_drive() -> None:
     bench = BaseBench()
     bench.run(2.0, Velocity(0.4, 0.0))
     bench.base.plug.unplug()
@@ -347,7 +347,7 @@ def test_a_plug_that_only_jerked_ends_the_drive_too() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"dropouts": 1.5}, {"dropouts": -0.1}, {"gyro_noise": -1.0}, {"max_linear": 0.0}])
-def test_a_base_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> None:
+def test_invalid_base_twin_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         BaseTwin(ManualClock(), **wrong)  # type: ignore[arg-type]  # the values are floats, whatever their names
 
@@ -375,7 +375,7 @@ def test_an_unplugged_heads_servos_finish_their_last_degree_and_hold() -> None:
     assert head.true_pose(2.0) == sent != HeadPose(1.0, 0.0)
 
 
-def test_an_arm_that_cannot_be_brought_to_rest_says_so() -> None:
+def test_unplugged_arm_that_cannot_rest_is_reported() -> None:
     notices: list[DeviceStatus] = []
     arm = JointsTwin({"elbow": JointSpec(2)}, ManualClock(), at_rest="relax", report=notices.append)
     arm.rest()
@@ -388,7 +388,7 @@ def test_an_arm_that_cannot_be_brought_to_rest_says_so() -> None:
     assert notices[-1].hint
 
 
-def test_what_was_asked_of_an_unplugged_arm_holds_when_it_is_back() -> None:
+def test_command_to_an_unplugged_arm_applies_when_replugged() -> None:
     clock = ManualClock()
     arm = JointsTwin({"elbow": JointSpec(2), "wrist": JointSpec(3)}, clock)
     arm.open()
@@ -403,7 +403,7 @@ def test_what_was_asked_of_an_unplugged_arm_holds_when_it_is_back() -> None:
     assert 0.1 < state.position < 0.5
 
 
-def test_an_overload_while_nobody_listens_is_told_on_return() -> None:
+def test_overload_while_unplugged_is_reported_when_replugged() -> None:
     notices: list[DeviceStatus] = []
     arm = JointsTwin({"elbow": JointSpec(2)}, ManualClock(), report=notices.append)
     arm.open()
@@ -417,7 +417,7 @@ def test_an_overload_while_nobody_listens_is_told_on_return() -> None:
         arm.overload("knee")
 
 
-def test_a_motor_turns_no_faster_than_it_can() -> None:
+def test_motor_speed_is_limited() -> None:
     clock = ManualClock()
     arm = JointsTwin({"elbow": JointSpec(2, speed=99.0)}, clock)
     arm.open()
@@ -479,7 +479,7 @@ def test_a_covered_camera_shows_black() -> None:
     assert level(camera, 2.0) == 20
 
 
-def test_a_camera_that_hangs_does_not_notice_that_it_is_covered() -> None:
+def test_frozen_camera_ignores_its_cover() -> None:
     camera = CameraTwin(picture, ManualClock())
     camera.open()
     assert level(camera, 1.0) == 10
@@ -511,7 +511,7 @@ def test_an_unplugged_camera_exposes_nothing() -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"rate": 0.0}, {"field_of_view": 4.0}, {"dropouts": 2.0}])
-def test_a_camera_that_makes_no_sense_is_refused(wrong: dict[str, float]) -> None:
+def test_invalid_camera_twin_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(ValueError, match=next(iter(wrong))):
         CameraTwin(picture, ManualClock(), **wrong)  # type: ignore[arg-type]  # the values are floats
 

@@ -60,7 +60,7 @@ def test_published_packets_are_answered_as_published() -> None:
     assert eight == bytes.fromhex("FF FF 01 0A 00 00 02 00 00 00 00 78 23 57")
 
 
-def test_a_new_servo_holds_the_defaults_of_its_manual(client: Client) -> None:
+def test_new_servo_has_the_defaults_of_the_manual(client: Client) -> None:
     for register in MODELS["AX-12A"].table.registers.values():
         if register.writable and register not in (m.ID, m.GOAL_POSITION):
             assert client.read(2, register) == MODELS["AX-12A"].default(register), register.name
@@ -69,7 +69,7 @@ def test_a_new_servo_holds_the_defaults_of_its_manual(client: Client) -> None:
     assert client.read(2, m.PRESENT_VOLTAGE) == 120
 
 
-def test_nobody_answers_for_a_missing_servo_or_to_everyone(client: Client) -> None:
+def test_missing_servo_and_broadcast_get_no_reply(client: Client) -> None:
     client.bus.servo(2).present = False
     assert client.ask(2, Protocol1Instruction.PING) == []
     assert client.ask(9, Protocol1Instruction.PING) == []
@@ -129,7 +129,7 @@ def test_a_limp_shaft_turns_by_hand_and_a_stiff_one_does_not(client: Client) -> 
         (m.LED, 1, ServoFault(0)),
     ],
 )
-def test_what_does_not_fit_is_refused_and_changes_nothing(
+def test_invalid_write_is_refused_without_changes(
     client: Client, register: Register, value: int, fault: ServoFault
 ) -> None:
     before = client.read(1, register)
@@ -137,7 +137,7 @@ def test_what_does_not_fit_is_refused_and_changes_nothing(
     assert client.read(1, register) == (before if fault else value)
 
 
-def test_a_goal_outside_the_angle_limits_is_refused_and_does_not_move_it(client: Client) -> None:
+def test_goal_outside_the_angle_limits_is_refused(client: Client) -> None:
     client.write(1, m.CCW_ANGLE_LIMIT, 600)
     assert client.write(1, m.GOAL_POSITION, 601) == ServoFault.ANGLE_LIMIT
     client.wait(0.2)
@@ -182,14 +182,14 @@ def test_registered_writes_start_together_on_action(client: Client) -> None:
     assert client.read(1, m.REGISTERED) == 0
 
 
-def test_one_sync_write_reaches_all_it_names(client: Client) -> None:
+def test_sync_write_reaches_all_named_servos(client: Client) -> None:
     blocks = b"".join(bytes((n,)) + m.GOAL_POSITION.encode(500 + n) + m.MOVING_SPEED.encode(100) for n in (1, 3))
     assert client.ask(BROADCAST, Protocol1Instruction.SYNC_WRITE, bytes((30, 4)) + blocks) == []
     assert [client.read(n, m.GOAL_POSITION) for n in (1, 2, 3)] == [501, 512, 503]
     assert client.ask(BROADCAST, Protocol1Instruction.SYNC_WRITE, b"\x1e") == []
 
 
-def test_the_status_return_level_decides_what_is_answered(client: Client) -> None:
+def test_status_return_level_selects_the_replies(client: Client) -> None:
     client.write(2, m.STATUS_RETURN_LEVEL, 2)
     client.ask(2, Protocol1Instruction.WRITE, bytes((m.STATUS_RETURN_LEVEL.address, 1)))
     assert client.ask(2, Protocol1Instruction.WRITE, bytes((m.LED.address, 1))) == []
@@ -238,7 +238,7 @@ def test_the_lock_closes_the_eeprom_until_the_power_is_cut(client: Client) -> No
     assert client.write(1, m.RETURN_DELAY, 0) == ServoFault(0)
 
 
-def test_at_power_on_the_ram_starts_from_its_defaults_and_the_torque_limit_from_the_eeprom(client: Client) -> None:
+def test_power_on_resets_ram_and_loads_the_torque_limit(client: Client) -> None:
     client.write(1, m.MAX_TORQUE, 400)
     client.write(1, m.GOAL_POSITION, 600)
     client.wait(1.0)
@@ -249,7 +249,7 @@ def test_at_power_on_the_ram_starts_from_its_defaults_and_the_torque_limit_from_
     assert client.read(1, m.GOAL_POSITION) == client.read(1, m.PRESENT_POSITION) == 600
 
 
-def test_an_overload_shuts_it_down_until_the_torque_limit_is_set_anew(client: Client) -> None:
+def test_overload_shuts_down_until_the_torque_limit_is_set(client: Client) -> None:
     servo = client.bus.servo(1)
     client.write(1, m.GOAL_POSITION, 900)
     client.wait(0.1)
@@ -273,7 +273,7 @@ def test_an_overload_shuts_it_down_until_the_torque_limit_is_set_anew(client: Cl
     assert client.read(1, m.PRESENT_POSITION) == 900
 
 
-def test_a_latched_overload_and_a_weak_supply_are_told_in_every_reply(client: Client) -> None:
+def test_overload_and_undervoltage_are_in_every_reply(client: Client) -> None:
     client.bus.servo(1).overload()
     client.bus.servo(1).voltage = 5.0
     client.wait(0.01)
@@ -281,7 +281,7 @@ def test_a_latched_overload_and_a_weak_supply_are_told_in_every_reply(client: Cl
     assert ServoFault(client.ask(2, Protocol1Instruction.PING)[0].code) == ServoFault(0)
 
 
-def test_an_overheated_servo_stays_shut_down_until_it_has_cooled(client: Client) -> None:
+def test_overheated_servo_stays_shut_down_until_cool(client: Client) -> None:
     servo = client.bus.servo(1)
     servo.temperature = 75
     client.wait(0.1)
@@ -293,7 +293,7 @@ def test_an_overheated_servo_stays_shut_down_until_it_has_cooled(client: Client)
     assert client.read(1, m.TORQUE_LIMIT) == 1023
 
 
-def test_in_wheel_mode_it_turns_without_end_in_both_directions(client: Client) -> None:
+def test_wheel_mode_turns_endlessly_in_both_directions(client: Client) -> None:
     servo = client.bus.servo(1)
     client.write(1, m.CW_ANGLE_LIMIT, 0)
     client.write(1, m.CCW_ANGLE_LIMIT, 0)
@@ -310,7 +310,7 @@ def test_in_wheel_mode_it_turns_without_end_in_both_directions(client: Client) -
     assert min(angles) < -2.5
 
 
-def test_a_packet_that_stops_half_way_is_forgotten_after_a_tenth_of_a_second() -> None:
+def test_partial_packet_expires_after_100_ms() -> None:
     ping = request(1, Protocol1Instruction.PING)
     whole, late = chain(1), chain(1)
     assert whole.feed(ping[:3], 1.0) + whole.feed(ping[3:], 1.05) != b""
@@ -319,7 +319,7 @@ def test_a_packet_that_stops_half_way_is_forgotten_after_a_tenth_of_a_second() -
 
 
 @given(data=st.lists(st.binary(max_size=40), max_size=5))
-def test_no_bytes_whatsoever_upset_it(data: list[bytes]) -> None:
+def test_arbitrary_bytes_do_not_break_the_bus(data: list[bytes]) -> None:
     bus = chain(2)
     for step, piece in enumerate(data):
         bus.feed(piece, step * 0.01)
@@ -344,7 +344,7 @@ def test_a_write_is_carried_out_whole_or_not_at_all(address: int, data: bytes) -
         )
 
 
-def test_shafts_start_where_they_are_put_and_a_missing_id_is_named() -> None:
+def test_servo_starts_at_its_angle_and_a_missing_id_is_named() -> None:
     bus = VirtualServoBus([VirtualServo(4, angle=radians(30))])
     assert bus.servo(4).angle == radians(30)
     with pytest.raises(KeyError, match="ID 5"):
@@ -352,7 +352,7 @@ def test_shafts_start_where_they_are_put_and_a_missing_id_is_named() -> None:
 
 
 @pytest.mark.parametrize("model", OLD, ids=lambda model: model.name)
-def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(model: ServoModel) -> None:
+def test_model_number_and_speed_are_those_of_the_model(model: ServoModel) -> None:
     client = Client(chain(1, model.name))
     servo, table = client.bus.servo(1), model.table
     assert client.read(1, table["model_number"]) == model.number
@@ -408,7 +408,7 @@ def test_mx_answer_a_bulk_read_in_turn_and_are_silent_behind_a_missing_one() -> 
     )
 
 
-def test_a_factory_reset_makes_it_id_1_at_the_rate_of_the_shop_as_it_was_delivered() -> None:
+def test_factory_reset_restores_id_1_and_the_default_rate() -> None:
     for model, baud in (("AX-12A", 1_000_000), ("AX-18A", 1_000_000), ("MX-28", 57_600)):
         table = MODELS[model].table
         bus = VirtualServoBus([VirtualServo(2, model=model, angle=0.4)], 500_000)
@@ -428,7 +428,7 @@ def test_a_factory_reset_makes_it_id_1_at_the_rate_of_the_shop_as_it_was_deliver
         assert bus.servo(1).angle == pytest.approx(0.4, abs=0.005), model
 
 
-def test_an_mx_counts_turns_when_both_its_limits_are_the_highest() -> None:
+def test_mx_in_multi_turn_mode_counts_turns() -> None:
     client = Client(chain(1, "MX-28"))
     table = MODELS["MX-28"].table
     for name in table.limit_registers:
@@ -440,7 +440,7 @@ def test_an_mx_counts_turns_when_both_its_limits_are_the_highest() -> None:
     assert client.write(1, table["goal_position"], -28_673) == ServoFault.RANGE
 
 
-def test_an_mx_in_wheel_mode_holds_the_speed_that_it_is_told() -> None:
+def test_mx_in_wheel_mode_keeps_its_commanded_speed() -> None:
     client = Client(chain(1, "MX-28"))
     table = MODELS["MX-28"].table
     for name in table.limit_registers:
@@ -463,7 +463,7 @@ def test_a_reversed_servo_counts_the_other_way_round() -> None:
 
 
 @pytest.mark.parametrize(("name", "none"), [("EX-106+", 512), ("MX-64", 2048)])
-def test_servos_with_a_current_sensor_show_what_they_push_with(name: str, none: int) -> None:
+def test_present_current_follows_the_load(name: str, none: int) -> None:
     client = Client(chain(1, name))
     table = MODELS[name].table
     client.wait(0.01)
@@ -475,7 +475,7 @@ def test_servos_with_a_current_sensor_show_what_they_push_with(name: str, none: 
     assert client.read(1, table["present_load"]) == pytest.approx(0.5 * 1023, abs=60)
 
 
-def test_after_a_brown_out_it_is_limp_and_silent_then_starts_from_its_defaults(client: Client) -> None:
+def test_brown_out_leaves_the_servo_limp_and_silent_and_then_reset(client: Client) -> None:
     servo = client.bus.servo(1)
     client.write(1, m.GOAL_POSITION, 700)
     client.wait(1.0)
@@ -512,7 +512,7 @@ def test_an_empty_chain_is_silent() -> None:
     assert client.ask(1, Protocol1Instruction.PING) == []
 
 
-def test_with_pacing_a_reply_takes_the_time_of_its_bytes_and_its_return_delay() -> None:
+def test_paced_reply_takes_its_bytes_and_return_delay() -> None:
     bus = chain(2, paced=True)
     bus.servo(2).set("return_delay", 0)
     now, read = 50.0, bytes((36, 8))
@@ -536,13 +536,13 @@ def test_with_pacing_a_request_waits_until_the_wire_is_free() -> None:
     assert bus.next_poll_time() == pytest.approx(50.0 + 580e-6 + 120e-6)
 
 
-def test_a_chain_at_57600_is_as_slow_as_that() -> None:
+def test_paced_reply_at_57600_baud_is_slower() -> None:
     bus = VirtualServoBus([VirtualServo(1, model="RX-64")], 57_600, paced=True)
     bus.servo(1).set("return_delay", 0)
     bus.feed(request(1, Protocol1Instruction.READ, bytes((36, 8))), 50.0)
     assert bus.next_poll_time() == pytest.approx(50.0 + 22 * 10 / 57_600)
 
 
-def test_a_shaft_that_was_put_beyond_half_a_turn_is_found_within_one_after_power_on() -> None:
+def test_angle_beyond_half_a_turn_wraps_at_power_on() -> None:
     servo = VirtualServo(1, model="MX-28", angle=radians(270))
     assert degrees(servo.angle) == pytest.approx(-90)

@@ -84,7 +84,7 @@ def at(pose: Pose2D, battery: Battery | None = None) -> Bench:
 # --- timing -----------------------------------------------------------------------------------------------------------
 
 
-def test_it_reports_fifty_times_a_second_on_the_moment() -> None:
+def test_virtual_kobuki_reports_at_50_hz() -> None:
     device = VirtualKobuki()
     assert isinstance(device, TimedDevice)
     assert device.next_poll_time() is None
@@ -97,7 +97,7 @@ def test_it_reports_fifty_times_a_second_on_the_moment() -> None:
     assert due == pytest.approx([3.02, 3.02, 3.04])
 
 
-def test_a_poll_that_comes_late_brings_all_reports_with_the_times_they_were_made_at() -> None:
+def test_late_poll_returns_all_reports_with_their_times() -> None:
     bench = Bench()
     bench._read(bench.device.poll(0.1))
     times = [core.time_ms for report in bench.reports if isinstance(core := report[Core], Core)]
@@ -107,7 +107,7 @@ def test_a_poll_that_comes_late_brings_all_reports_with_the_times_they_were_made
 # --- what it feels of the world ---------------------------------------------------------------------------------------
 
 
-def test_it_feels_walls_and_edges_and_hanging_wheels() -> None:
+def test_virtual_kobuki_detects_walls_edges_and_wheel_drops() -> None:
     world = SimulatedWorld(
         room=Room.with_default_fixtures(4.0, 4.0, 2.6, (0.0, 0.0)), edges=(Edge(0.0, 1.5, 4.0, 0.6),)
     )
@@ -121,7 +121,7 @@ def test_it_feels_walls_and_edges_and_hanging_wheels() -> None:
     assert bench.core().wheel_drop == 3
 
 
-def test_on_its_dock_it_charges_and_says_so_until_it_is_full() -> None:
+def test_docked_virtual_kobuki_charges_until_full() -> None:
     bench = at(ON_DOCK, Battery(99.9, drain=60.0))
     bench.run(0.1)
     assert bench.core().charger == Charger.POWERED | Charger.CHARGING
@@ -132,14 +132,14 @@ def test_on_its_dock_it_charges_and_says_so_until_it_is_full() -> None:
     assert bench.core().charger == 0
 
 
-def test_it_hears_the_beams_of_its_dock() -> None:
+def test_virtual_kobuki_receives_dock_beams() -> None:
     bench = at(Pose2D(-1.5, 0.0, pi))
     assert bench.newest(DockInfrared) == DockInfrared(centre=DockBeam.FAR_CENTRE)
     bench = at(Pose2D(-2.5, 0.25, 2.0))
     assert bench.newest(DockInfrared) == DockInfrared(left=DockBeam.NEAR_LEFT)
 
 
-def test_its_battery_runs_down_and_its_voltage_drops_under_load() -> None:
+def test_battery_drains_and_its_voltage_drops_under_load() -> None:
     bench = Bench(VirtualKobuki(battery=Battery(50.0, drain=1000.0, resistance=INTERNAL_RESISTANCE)))
     rested = bench.core().voltage
     bench.run(2.0)
@@ -150,7 +150,7 @@ def test_its_battery_runs_down_and_its_voltage_drops_under_load() -> None:
     assert driven.core().voltage < bench.core().voltage
 
 
-def test_its_motors_draw_by_what_they_do_and_are_overloaded_when_something_holds_it_up() -> None:
+def test_motor_current_rises_with_load_to_an_overload() -> None:
     bench = Bench(VirtualKobuki(ground=SimulatedWorld()))
     assert bench.newest(MotorCurrent) == MotorCurrent(0, 0)
     bench.run(1.0, Velocity(0.0, 0.5))
@@ -169,7 +169,7 @@ def test_its_motors_draw_by_what_they_do_and_are_overloaded_when_something_holds
 # --- by hand ----------------------------------------------------------------------------------------------------------
 
 
-def test_buttons_are_down_while_a_hand_presses_them() -> None:
+def test_buttons_are_down_while_pressed() -> None:
     bench = Bench()
     bench.device.press(0)
     bench.device.press(2)
@@ -183,7 +183,7 @@ def test_buttons_are_down_while_a_hand_presses_them() -> None:
         bench.device.press(3)
 
 
-def test_what_is_set_by_hand_counts_more_than_battery_and_dock() -> None:
+def test_manual_values_override_battery_and_dock() -> None:
     bench = at(ON_DOCK)
     bench.device.battery_voltage, bench.device.charger = 13.1, int(Charger.POWERED | Charger.ADAPTER)
     bench.device.sockets = Inputs(digital=0b1010, analogue_1=4095)
@@ -195,7 +195,7 @@ def test_what_is_set_by_hand_counts_more_than_battery_and_dock() -> None:
 # --- what it is told --------------------------------------------------------------------------------------------------
 
 
-def test_tunes_tones_and_lights_are_kept() -> None:
+def test_tunes_tones_and_lights_are_stored() -> None:
     bench = Bench()
     bench.tell(
         SoundSequence(commands.KobukiTune.RECHARGE), SoundSequence(99), KobukiSound.of(440.0, 0.1), KobukiSound(0, 10)
@@ -223,7 +223,7 @@ def test_gains_are_known_since_a_firmware(firmware: tuple[int, int, int], knows:
 
 
 @pytest.mark.parametrize("identifier", [1, 3, 4, 5, 6, 13, 16])
-def test_a_short_part_or_an_unknown_one_is_all_that_is_wrong_with_its_frame(identifier: int) -> None:
+def test_shortened_or_unknown_subpayload_leaves_the_frame_valid(identifier: int) -> None:
     bench = Bench()
     bench.device.shortened, bench.device.chatty = identifier, True
     (payload,) = KobukiFrameFinder().feed(bench.device.poll(REPORT_INTERVAL))
@@ -231,7 +231,7 @@ def test_a_short_part_or_an_unknown_one_is_all_that_is_wrong_with_its_frame(iden
     assert (decoded.malformed, decoded.unknown, len(decoded.parts)) == (1, 1, 6)
 
 
-def test_what_was_asked_of_it_while_it_was_frozen_is_answered_in_as_many_reports_as_it_takes() -> None:
+def test_requests_to_a_frozen_kobuki_are_answered_later_in_several_reports() -> None:
     kobuki = VirtualKobuki()
     kobuki.poll(0.0)
     kobuki.frozen = True
@@ -248,7 +248,7 @@ def test_what_was_asked_of_it_while_it_was_frozen_is_answered_in_as_many_reports
     assert len(gains) == 20
 
 
-def test_frozen_it_says_nothing_and_stops_like_one_that_is_told_nothing() -> None:
+def test_frozen_kobuki_is_silent_and_stops() -> None:
     bench = Bench()
     bench.run(1.0, Velocity(0.3, 0.0))
     count = len(bench.reports)
@@ -261,7 +261,7 @@ def test_frozen_it_says_nothing_and_stops_like_one_that_is_told_nothing() -> Non
     assert len(bench.reports) == count + 5
 
 
-def test_noise_among_its_commands_moves_nothing_and_the_next_command_is_heard() -> None:
+def test_noise_among_commands_is_ignored() -> None:
     bench, random = Bench(), Random(4)  # noqa: S311 - noise, not a secret
     for _ in range(50):
         noise = random.randbytes(40).replace(b"\xaa", b"\x00")
@@ -295,7 +295,7 @@ class TwinBench:
 @pytest.mark.parametrize(
     "pose", [ON_DOCK, Pose2D(-1.5, 0.0, pi), Pose2D(-1.5, 0.2, pi / 2), Pose2D(3.0, 0.0, 0.0)], ids=str
 )
-def test_the_twin_tells_of_dock_and_battery_what_the_driver_reads_from_the_wire(pose: Pose2D) -> None:
+def test_twin_reports_dock_and_battery_like_the_driver(pose: Pose2D) -> None:
     def battery() -> Battery:
         return Battery(60.0, drain=20.0, resistance=INTERNAL_RESISTANCE)
 
@@ -313,7 +313,7 @@ def test_the_twin_tells_of_dock_and_battery_what_the_driver_reads_from_the_wire(
     assert state.battery_percent == pytest.approx(read.battery_percent, abs=2.0)
 
 
-def test_a_twin_that_drives_onto_its_dock_is_told_before_it_bumps_and_charges() -> None:
+def test_twin_driving_onto_its_dock_is_docked_before_a_bump() -> None:
     felt: list[tuple[bool, Sides]] = []
     twin = TwinBench(Pose2D(-2.2, 0.0, pi), Battery(12.0, drain=100.0))
 
@@ -336,7 +336,7 @@ def test_a_twin_that_drives_onto_its_dock_is_told_before_it_bumps_and_charges() 
     assert value.battery_percent > 20.0
 
 
-def test_a_twin_tells_of_wheels_that_turn_in_vain() -> None:
+def test_twin_reports_overcurrent_of_spinning_wheels() -> None:
     twin = TwinBench(Pose2D(-2.6, 2.0, 0.0))
     twin.run(2.0, Velocity(-0.3, 0.0))  # into the wall behind it, where it has no bumper; later its monitor stops it
     value = twin.twin.state().value

@@ -85,7 +85,7 @@ def test_published_packets_are_answered_as_published(question: str, answer: str 
         assert said == bytes.fromhex(answer)
 
 
-def test_the_published_ping_of_an_xl430_and_its_overload_are_answered_as_published() -> None:
+def test_published_ping_and_overload_replies_of_an_xl430_match() -> None:
     bus = chain(1, XL)
     pinged = bus.feed(bytes.fromhex("FF FF FD 00 01 03 00 01 19 4E"), 1.0)
     assert pinged == bytes.fromhex("FF FF FD 00 01 07 00 55 00 24 04 2D F4 DF")
@@ -94,7 +94,7 @@ def test_the_published_ping_of_an_xl430_and_its_overload_are_answered_as_publish
     assert alert == bytes.fromhex("FF FF FD 00 01 05 00 55 80 20 99 21")
 
 
-def test_the_published_group_packets_reach_whom_they_name(client: Client) -> None:
+def test_published_group_packets_reach_their_servos(client: Client) -> None:
     written = "FF FF FD 00 FE 11 00 83 74 00 04 00 01 96 00 00 00 02 AA 00 00 00 82 87"
     assert client.bus.feed(bytes.fromhex(written), client.now) == b""
     assert [client.read(n, "goal_position") for n in (1, 2, 3)] == [150, 170, 2048]
@@ -106,7 +106,7 @@ def test_the_published_group_packets_reach_whom_they_name(client: Client) -> Non
 
 
 @pytest.mark.parametrize("model", NEW, ids=lambda model: model.name)
-def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(model: ServoModel) -> None:
+def test_model_number_and_speed_are_those_of_the_model(model: ServoModel) -> None:
     client = Client(chain(1, model.name))
     (reply,) = client.ask(1, Protocol2Instruction.PING)
     assert int.from_bytes(reply.parameters[1:3], "little") == model.number
@@ -142,16 +142,14 @@ def test_every_model_is_told_by_its_number_and_turns_to_its_goal_at_its_speed(mo
         ("led", 1, Protocol2Error.NONE),
     ],
 )
-def test_what_does_not_fit_is_refused_and_changes_nothing(
-    client: Client, name: str, value: int, error: Protocol2Error
-) -> None:
+def test_invalid_write_is_refused_without_changes(client: Client, name: str, value: int, error: Protocol2Error) -> None:
     client.ask(1, Protocol2Instruction.PING)
     before = bytes(client.bus.servo(1).table)
     assert client.write(1, name, value) == error
     assert (bytes(client.bus.servo(1).table) == before) is (error is not Protocol2Error.NONE)
 
 
-def test_requests_that_no_servo_understands_are_refused_by_number(client: Client) -> None:
+def test_invalid_requests_are_refused_by_error_number(client: Client) -> None:
     assert client.error(1, 0x44) == Protocol2Error.INSTRUCTION
     assert client.error(1, Protocol2Instruction.ACTION) == Protocol2Error.INSTRUCTION
     assert client.error(1, Protocol2Instruction.WRITE, word(116)) == Protocol2Error.INSTRUCTION
@@ -173,7 +171,7 @@ def test_the_eeprom_is_closed_while_the_torque_is_on(client: Client) -> None:
     assert client.read(1, "return_delay") == 0
 
 
-def test_limits_that_are_set_in_the_servo_bound_its_goal(client: Client) -> None:
+def test_position_limits_of_the_servo_bound_its_goal(client: Client) -> None:
     client.write(1, "max_position", 3000)
     assert client.write(1, "goal_position", 3001) == Protocol2Error.LIMIT
     goals = word(116) + word(4) + b"\x01" + (3001).to_bytes(4, "little") + b"\x02" + (2500).to_bytes(4, "little")
@@ -197,7 +195,7 @@ def test_registered_writes_start_together_on_action(client: Client) -> None:
     assert client.read(1, "registered") == 0
 
 
-def test_a_sync_read_stops_at_a_servo_that_is_missing(client: Client) -> None:
+def test_sync_read_stops_at_a_missing_servo(client: Client) -> None:
     def heard(*servos: int) -> list[int]:
         return [
             reply.id
@@ -230,7 +228,7 @@ def test_a_fast_reading_is_one_packet_with_a_crc_after_each_part(client: Client)
     assert reply.parameters[5:] == bytes.fromhex("00 03 78 00")
 
 
-def test_a_bulk_write_gives_each_servo_its_own(client: Client) -> None:
+def test_bulk_write_gives_each_servo_its_data(client: Client) -> None:
     data = b"\x01" + word(65) + word(1) + b"\x01" + b"\x03" + word(104) + word(4) + (50).to_bytes(4, "little")
     assert client.ask(BROADCAST, Protocol2Instruction.BULK_WRITE, data) == []
     assert (client.read(1, "led"), client.read(3, "goal_velocity")) == (1, 50)
@@ -267,7 +265,7 @@ def test_heat_and_damage_latch_but_a_weak_supply_passes(client: Client) -> None:
     assert [client.read(n, "hardware_error") for n in (1, 2, 3)] == [4, 16, 0]
 
 
-def test_in_velocity_mode_it_turns_without_end_and_counts_its_turns(client: Client) -> None:
+def test_velocity_mode_turns_endlessly_and_counts_turns(client: Client) -> None:
     client.write(1, "operating_mode", 1)
     client.write(1, "torque_enable", 1)
     client.write(1, "goal_velocity", -200)
@@ -282,7 +280,7 @@ def test_in_velocity_mode_it_turns_without_end_and_counts_its_turns(client: Clie
 
 
 @pytest.mark.parametrize(("mode", "name", "share"), [(16, "goal_pwm", 442), (0, "goal_current", 596)])
-def test_by_pwm_or_current_it_turns_as_hard_as_it_is_told(mode: int, name: str, share: int) -> None:
+def test_pwm_and_current_modes_turn_in_proportion(mode: int, name: str, share: int) -> None:
     client = Client(chain(1, "XM430-W350"))
     client.write(1, "operating_mode", mode)
     client.write(1, "torque_enable", 1)
@@ -300,7 +298,7 @@ def test_in_extended_position_mode_a_goal_may_be_turns_away(client: Client) -> N
     assert client.bus.servo(1).angle == pytest.approx(-4 * pi, abs=0.002)
 
 
-def test_a_homing_offset_and_a_reversed_sense_shift_what_is_read_and_asked(client: Client) -> None:
+def test_homing_offset_and_reverse_mode_shift_positions(client: Client) -> None:
     servo = client.bus.servo(1)
     client.write(1, "homing_offset", 100)
     client.write(1, "drive_mode", 1 | 8)
@@ -313,7 +311,7 @@ def test_a_homing_offset_and_a_reversed_sense_shift_what_is_read_and_asked(clien
     assert servo.angle == pytest.approx(-100 * servo.model.tick)
 
 
-def test_the_bus_watchdog_stops_it_and_closes_its_goals_until_it_is_cleared(client: Client) -> None:
+def test_bus_watchdog_stops_the_servo_and_locks_goals_until_cleared(client: Client) -> None:
     client.write(1, "torque_enable", 1)
     client.write(1, "profile_velocity", 20)
     client.write(1, "goal_position", 4000)
@@ -330,7 +328,7 @@ def test_the_bus_watchdog_stops_it_and_closes_its_goals_until_it_is_cleared(clie
 @pytest.mark.parametrize(
     ("option", "number", "baud"), [(b"\xff", 1, 57_600), (b"\x01", 2, 57_600), (b"\x02", 2, 1_000_000)]
 )
-def test_a_factory_reset_keeps_what_it_is_told_to_keep(option: bytes, number: int, baud: int) -> None:
+def test_factory_reset_keeps_the_selected_settings(option: bytes, number: int, baud: int) -> None:
     client = Client(VirtualServoBus([VirtualServo(2, model=XL)]))
     client.write(2, "max_position", 3000)
     assert client.error(2, Protocol2Instruction.FACTORY_RESET, option) == Protocol2Error.NONE
@@ -356,7 +354,7 @@ def test_two_servos_with_one_id_answer_on_top_of_each_other(client: Client) -> N
     assert [packet.id for packet in client.ask(BROADCAST, Protocol2Instruction.PING)] == [1, 3]
 
 
-def test_with_pacing_each_reply_of_a_sync_read_leaves_in_its_turn() -> None:
+def test_paced_sync_read_replies_leave_in_turn() -> None:
     bus = chain(3, XL, paced=True)
     for servo in bus.servos:
         servo.set("return_delay", 10)
@@ -370,7 +368,7 @@ def test_with_pacing_each_reply_of_a_sync_read_leaves_in_its_turn() -> None:
 
 
 @given(data=st.lists(st.binary(max_size=40), max_size=5))
-def test_no_bytes_whatsoever_upset_it(data: list[bytes]) -> None:
+def test_arbitrary_bytes_do_not_break_the_bus(data: list[bytes]) -> None:
     bus = chain(2, XL)
     for step, piece in enumerate(data):
         bus.feed(piece, step * 0.01)
@@ -381,7 +379,9 @@ def test_no_bytes_whatsoever_upset_it(data: list[bytes]) -> None:
 @given(
     instruction=st.sampled_from(list(Protocol2Instruction)), parameters=st.binary(max_size=20), everyone=st.booleans()
 )
-def test_no_request_whatsoever_upsets_it(instruction: Protocol2Instruction, parameters: bytes, everyone: bool) -> None:
+def test_arbitrary_requests_do_not_break_the_bus(
+    instruction: Protocol2Instruction, parameters: bytes, everyone: bool
+) -> None:
     bus = chain(2, "XM430-W210")
     bus.feed(request(BROADCAST if everyone else 1, instruction, parameters), 1.0)
     for servo in bus.servos:

@@ -26,7 +26,7 @@ def topics(data: bytes) -> list[int]:
     return found
 
 
-def test_asked_for_its_topics_it_asks_the_time_and_names_the_servos() -> None:
+def test_topic_request_returns_the_time_request_and_the_servo_topic() -> None:
     golden = (
         wire.REQUEST_TIME
         + wire.RosserialFrame(wire.SUBSCRIBER, wire.TopicInfo(100, wire.SERVO_TOPIC, 512).pack()).pack()
@@ -34,7 +34,7 @@ def test_asked_for_its_topics_it_asks_the_time_and_names_the_servos() -> None:
     assert VirtualRodney().feed(wire.REQUEST_TOPICS, 1.0) == golden
 
 
-def test_the_later_sketch_names_and_publishes_its_encoders() -> None:
+def test_encoder_sketch_publishes_its_encoders() -> None:
     device = VirtualRodney(tacho=True)
     device.wheels = wire.Tacho(10.0, -10.0)
     assert topics(device.feed(wire.REQUEST_TOPICS, 1.0)) == [wire.TIME, wire.PUBLISHER, wire.SUBSCRIBER]
@@ -44,14 +44,14 @@ def test_the_later_sketch_names_and_publishes_its_encoders() -> None:
     assert device.poll(1.07) == said
 
 
-def test_it_is_deaf_and_dumb_until_it_has_booted() -> None:
+def test_booting_board_ignores_requests() -> None:
     device = VirtualRodney(boot_delay=2.0)
     assert device.poll(10.0) == b""
     assert device.feed(wire.REQUEST_TOPICS, 11.9) == b""
     assert device.feed(wire.REQUEST_TOPICS, 12.0) != b""
 
 
-def test_it_asks_the_time_every_two_and_a_half_seconds_once_configured() -> None:
+def test_configured_board_requests_the_time_every_2_5_seconds() -> None:
     device = VirtualRodney()
     assert device.poll(0.0) + device.poll(5.0) == b""
     device.feed(wire.REQUEST_TOPICS, 5.0)
@@ -60,7 +60,7 @@ def test_it_asks_the_time_every_two_and_a_half_seconds_once_configured() -> None
     assert device.poll(9.9) == b""
 
 
-def test_it_falls_silent_eleven_seconds_after_the_last_answer() -> None:
+def test_board_is_silent_11_seconds_after_the_last_answer() -> None:
     device = VirtualRodney(tacho=True)
     device.feed(wire.REQUEST_TOPICS, 0.0)
     answer_time(device, 4.0)
@@ -69,14 +69,14 @@ def test_it_falls_silent_eleven_seconds_after_the_last_answer() -> None:
     assert device.feed(wire.REQUEST_TOPICS, 15.2) != b""
 
 
-def test_told_to_stop_it_says_nothing_more() -> None:
+def test_stop_request_silences_the_board() -> None:
     device = VirtualRodney(tacho=True)
     device.feed(wire.REQUEST_TOPICS, 0.0)
     assert device.feed(wire.STOP_SENDING, 1.0) == b""
     assert device.poll(5.0) == b""
 
 
-def test_servos_start_where_the_sketch_puts_them_and_turn_at_their_speed() -> None:
+def test_servos_start_at_the_sketch_angles_and_turn_at_their_speed() -> None:
     device = VirtualRodney()
     assert [device.angle(index, 0.0) for index in range(4)] == list(ENCODER_SKETCH_STARTS)
     device.feed(command(0, 130), 1.0)
@@ -88,13 +88,13 @@ def test_servos_start_where_the_sketch_puts_them_and_turn_at_their_speed() -> No
 @pytest.mark.parametrize(
     ("sent", "reached"), [(0, 0), (180, 180), (181, 180), (543, 180), (544, 0), (1472, 90), (2400, 180), (65535, 180)]
 )
-def test_numbers_mean_what_they_mean_to_the_servo_library(sent: int, reached: float) -> None:
+def test_servo_values_follow_the_servo_library(sent: int, reached: float) -> None:
     device = VirtualRodney()
     device.feed(command(2, sent), 0.0)
     assert device.angle(2, 1.0) == pytest.approx(reached)
 
 
-def test_a_servo_that_it_has_not_is_logged_and_moves_nothing() -> None:
+def test_unknown_servo_is_logged_and_moves_nothing() -> None:
     device = VirtualRodney()
     device.feed(wire.REQUEST_TOPICS, 0.0)
     device.feed(command(4, 10), 0.1)
@@ -103,7 +103,7 @@ def test_a_servo_that_it_has_not_is_logged_and_moves_nothing() -> None:
     assert [device.angle(index, 1.0) for index in range(4)] == list(ENCODER_SKETCH_STARTS)
 
 
-def test_a_frame_that_dawdles_is_dropped_and_the_next_one_taken() -> None:
+def test_slow_frame_is_dropped_and_the_next_is_accepted() -> None:
     device = VirtualRodney()
     device.feed(command(0, 10)[:6], 0.0)
     device.feed(command(0, 10)[6:], 0.021)
@@ -128,7 +128,7 @@ def test_a_wrong_checksum_and_a_short_message_move_nothing() -> None:
     assert device.angle(0, 2.0) == 90
 
 
-def test_reset_it_boots_again_forgets_the_computer_and_sends_the_servos_to_their_starts() -> None:
+def test_reset_board_boots_again_with_servos_at_their_start() -> None:
     device = VirtualRodney(boot_delay=1.0)
     device.poll(0.0)
     device.feed(wire.REQUEST_TOPICS + command(0, 10), 1.0)
@@ -140,7 +140,7 @@ def test_reset_it_boots_again_forgets_the_computer_and_sends_the_servos_to_their
     assert device.poll(30.0) == b""
 
 
-def test_a_header_that_is_none_is_answered_until_somebody_has_asked_for_the_topics() -> None:
+def test_malformed_header_is_answered_until_topics_are_requested() -> None:
     device = VirtualRodney()
     assert device.feed(b"\xff\x00" * 2, 1.0) == wire.REQUEST_TIME * 2
     device.feed(wire.REQUEST_TOPICS, 1.1)
@@ -148,7 +148,7 @@ def test_a_header_that_is_none_is_answered_until_somebody_has_asked_for_the_topi
     assert device.feed(b"\xff\x00", 12.2) == wire.REQUEST_TIME  # nobody has answered for long
 
 
-def test_the_first_sketches_write_a_line_for_each_angle_and_obey_before_anybody_asked_them() -> None:
+def test_first_sketches_log_angles_and_obey_unconfigured() -> None:
     device = VirtualRodney(logs_angles=True, start_angles=UNSENT_SKETCH_ANGLES)
     (frame,) = wire.RosserialFrameFinder().feed(device.feed(command(1, 120), 0.0))
     assert wire.RosserialLog.unpack(frame.data) == wire.RosserialLog(0, "Servo 1 ")
@@ -156,7 +156,7 @@ def test_the_first_sketches_write_a_line_for_each_angle_and_obey_before_anybody_
     assert device.max_step == pytest.approx(27.3)
 
 
-def test_a_board_starts_anew_with_its_plug_and_all_but_those_with_native_usb_when_the_port_is_opened() -> None:
+def test_opening_the_port_resets_boards_without_native_usb() -> None:
     for keeps, opened in ((False, 90), (True, 10)):
         device = VirtualRodney(native_usb=keeps)
         device.feed(command(0, 10), 0.0)

@@ -106,7 +106,7 @@ def booth(tmp_path: Path) -> Iterator[Booth]:
 # --- the speaker ------------------------------------------------------------------------------------------------------
 
 
-def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
+def test_utterances_are_spoken_in_order(booth: Booth) -> None:
     first, second = booth.speaker.say("a long word"), booth.speaker.say("and another")
     wait_until(lambda: booth.spoken() == ["a long word"])
     assert not first.done()
@@ -122,17 +122,17 @@ def test_utterances_are_spoken_one_after_another(booth: Booth) -> None:
 
 
 @each("text", ["--version", "$(touch pwned); `id` | x", "Grüß Gott, ç'est ça", 'say "so" \\ now'])
-def test_any_text_reaches_the_program_as_it_is(booth: Booth, text: str) -> None:
+def test_any_text_reaches_the_program_unchanged(booth: Booth, text: str) -> None:
     wait_until(booth.speaker.say(text).done)
     assert booth.spoken()[-1] == text
 
 
-def test_text_that_has_no_utf8_is_spoken_with_a_question_mark(booth: Booth) -> None:
+def test_unencodable_text_is_spoken_with_a_question_mark(booth: Booth) -> None:
     wait_until(booth.speaker.say("odd \udc80 one").done)
     assert booth.spoken() == ["odd ? one"]
 
 
-def test_cancelled_it_falls_silent_with_all_that_it_started_and_the_next_one_has_its_turn(booth: Booth) -> None:
+def test_cancelled_speech_kills_its_processes_and_the_next_starts(booth: Booth) -> None:
     first, second = booth.speaker.say("a long word"), booth.speaker.say("next")
     wait_until(lambda: len(booth.processes()) == 2)
     program, helper = booth.processes()
@@ -145,7 +145,7 @@ def test_cancelled_it_falls_silent_with_all_that_it_started_and_the_next_one_has
     assert booth.notices == []
 
 
-def test_one_that_is_cancelled_before_its_turn_is_never_spoken(booth: Booth) -> None:
+def test_speech_cancelled_in_the_queue_is_never_spoken(booth: Booth) -> None:
     first, second, third = (booth.speaker.say(text) for text in ("a long one", "not this", "but this"))
     second.cancel()
     assert second.done()
@@ -155,7 +155,7 @@ def test_one_that_is_cancelled_before_its_turn_is_never_spoken(booth: Booth) -> 
     assert booth.spoken() == ["a long one", "but this"]
 
 
-def test_resting_silences_everything_and_it_can_speak_again(booth: Booth) -> None:
+def test_rest_silences_all_speech_and_the_voice_can_speak_again(booth: Booth) -> None:
     waiting = [booth.speaker.say("a long word") for _ in range(3)]
     wait_until(lambda: len(booth.spoken()) == 1)
     booth.speaker.rest()
@@ -192,12 +192,12 @@ def test_closed_while_the_program_is_starting_nothing_is_left(booth: Booth) -> N
 
 
 @each("text", ["", "  \n"])
-def test_nothing_to_say_is_said_at_once(booth: Booth, text: str) -> None:
+def test_empty_text_ends_at_once(booth: Booth, text: str) -> None:
     assert booth.speaker.say(text).done()
     assert booth.spoken() == []
 
 
-def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed(booth: Booth) -> None:
+def test_failing_program_is_reported_and_the_text_is_printed(booth: Booth) -> None:
     wait_until(booth.speaker.say("this will fail").done)
     assert booth.printed == ["this will fail"]
     (notice,) = booth.notices
@@ -212,7 +212,7 @@ def test_a_program_that_fails_is_reported_with_its_words_and_the_text_is_printed
     assert booth.speaker.health().detail == ""
 
 
-def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_path: Path) -> None:
+def test_missing_program_is_reported_and_the_text_is_printed(tmp_path: Path) -> None:
     printed: list[str] = []
     notices: list[DeviceStatus] = []
     speaker = speech(Synthesiser(str(tmp_path / "gone")), printed, notices)
@@ -223,7 +223,7 @@ def test_a_program_that_has_vanished_is_reported_and_the_text_is_printed(tmp_pat
     assert "No such file or directory" in notices[0].message
 
 
-def test_whatever_goes_wrong_the_words_are_printed_and_the_next_ones_heard(booth: Booth) -> None:
+def test_any_error_prints_the_text_and_the_next_is_spoken(booth: Booth) -> None:
     arguments = booth.speaker._engine._synthesiser.arguments if isinstance(booth.speaker._engine, ProgramEngine) else ()
     booth.speaker._engine = ProgramEngine(Synthesiser(sys.executable, (*arguments, "{voice}")), SystemClock())
     wait_until(booth.speaker.say("odd", SpeechStyle(voice="a\0b")).done)
@@ -249,13 +249,13 @@ def test_the_best_synthesiser_on_the_path_is_found(tmp_path: Path) -> None:
         assert found.command(manner) == [str(program), *arguments]
 
 
-def test_a_file_that_is_no_program_is_not_taken_for_one(tmp_path: Path) -> None:
+def test_file_that_is_not_executable_is_not_a_synthesiser(tmp_path: Path) -> None:
     (tmp_path / "espeak").write_text("not executable")
     assert find_synthesiser(str(tmp_path)) is None
 
 
 @pytest.mark.skipif(find_synthesiser() is None, reason="no speech synthesiser is installed")
-def test_the_installed_synthesiser_ends_of_itself_or_says_why_not() -> None:
+def test_installed_synthesiser_ends_or_gives_a_reason() -> None:
     synthesiser = find_synthesiser()
     assert synthesiser is not None
     printed: list[str] = []
@@ -299,7 +299,7 @@ def test_printed_words_take_as_long_as_spoken_ones(clock: ManualClock) -> None:
     assert voice.health().counters["said"] == 1
 
 
-def test_printed_words_wait_for_those_before_them(clock: ManualClock) -> None:
+def test_printed_speech_is_queued(clock: ManualClock) -> None:
     voice = PrintedVoice(clock, lambda _: None)
     voice.open()
     first, second = voice.say("one two three four five"), voice.say("one two three four five")
@@ -314,7 +314,7 @@ def test_printed_words_wait_for_those_before_them(clock: ManualClock) -> None:
     assert not late.done()
 
 
-def test_printed_words_move_up_when_those_before_them_are_cancelled(clock: ManualClock) -> None:
+def test_printed_speech_moves_up_after_a_cancel(clock: ManualClock) -> None:
     voice = PrintedVoice(clock, lambda _: None)
     voice.open()
     first, second, third = (voice.say("one two three four five") for _ in range(3))
@@ -336,7 +336,7 @@ def test_nothing_to_print_is_done_at_once(clock: ManualClock) -> None:
     assert printed == []
 
 
-def test_a_printed_voice_that_is_not_open_refuses_and_closing_ends_all(clock: ManualClock) -> None:
+def test_closed_printed_voice_refuses_speech_and_close_ends_all(clock: ManualClock) -> None:
     voice = PrintedVoice(clock, lambda _: None)
     voice.close()
     with pytest.raises(NotConnected, match="not open"):
@@ -350,7 +350,7 @@ def test_a_printed_voice_that_is_not_open_refuses_and_closing_ends_all(clock: Ma
     assert all(one.done() for one in words)
 
 
-def test_printed_words_last_as_their_speed_says(clock: ManualClock) -> None:
+def test_printed_speech_lasts_according_to_its_speed(clock: ManualClock) -> None:
     voice = PrintedVoice(clock, lambda _: None, default_manner=SpeechStyle(speed=100))
     voice.open()
     slow = voice.say("one two three four five")
@@ -363,7 +363,7 @@ def test_printed_words_last_as_their_speed_says(clock: ManualClock) -> None:
     assert quick.done()
 
 
-def test_printed_words_that_are_broken_off_are_printed_again(clock: ManualClock) -> None:
+def test_preempted_printed_speech_is_printed_again(clock: ManualClock) -> None:
     printed: list[str] = []
     voice = PrintedVoice(clock, printed.append)
     voice.open()

@@ -39,7 +39,7 @@ class Moody:
         return Speech(b"\x00\x40" * 1600, 16_000)
 
 
-def test_whatever_goes_wrong_with_one_the_next_is_heard() -> None:
+def test_failed_reply_does_not_prevent_the_next() -> None:
     engine, notices = Moody(), list[DeviceStatus]()
     microphone = VoicedMicrophone(SystemClock(), engine, lambda _: SpeechStyle(), report=notices.append)
     microphone.open()

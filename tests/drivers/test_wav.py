@@ -30,7 +30,7 @@ def player(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("kind", GOOD)
-def test_a_recording_of_every_kind_is_heard_and_played_alike(tmp_path: Path, kind: str) -> None:
+def test_wav_formats_are_read_and_played_alike(tmp_path: Path, kind: str) -> None:
     path = written(tmp_path, GOOD[kind])
     wanted = TONE * 32768
     heard = load_wav("microphone", path)
@@ -42,7 +42,7 @@ def test_a_recording_of_every_kind_is_heard_and_played_alike(tmp_path: Path, kin
 
 
 @pytest.mark.parametrize("why", BAD)
-def test_a_file_that_is_not_a_recording_is_refused_with_its_reason(tmp_path: Path, why: str) -> None:
+def test_invalid_wav_file_is_refused_with_a_reason(tmp_path: Path, why: str) -> None:
     path = written(tmp_path, BAD[why])
     with pytest.raises(NotConnected) as refused:
         load_wav("microphone", path)
@@ -55,7 +55,7 @@ def test_a_file_that_is_not_a_recording_is_refused_with_its_reason(tmp_path: Pat
 
 
 @pytest.mark.parametrize("encoding", [6, 7])
-def test_every_value_of_telephones_is_the_one_that_the_player_has(tmp_path: Path, encoding: int) -> None:
+def test_companded_samples_match_the_player(tmp_path: Path, encoding: int) -> None:
     path = written(tmp_path, plain(encoding, 8, bytes(range(256))))
     with path.open("rb") as file:
         ours = np.concatenate([*decode_blocks(file, read_header(file))]).ravel()
@@ -63,13 +63,13 @@ def test_every_value_of_telephones_is_the_one_that_the_player_has(tmp_path: Path
     assert np.abs(ours - played).max() <= 1
 
 
-def test_a_recording_that_was_cut_off_counts_as_far_as_it_goes(tmp_path: Path) -> None:
+def test_truncated_wav_file_is_read_as_far_as_possible(tmp_path: Path) -> None:
     path = written(tmp_path, riff(FMT, chunk(b"data", INT16))[:-1001])
     assert sound_duration(path) == pytest.approx((COUNT - 501) / RATE)
     assert len(load_wav("microphone", path)) == round((COUNT - 501) * 16_000 / RATE)
 
 
-def test_channels_that_are_not_alike_are_mixed(tmp_path: Path) -> None:
+def test_different_channels_are_mixed(tmp_path: Path) -> None:
     both = struct.pack("<hh", 100, -40) * (2 * BLOCK_FRAMES + 3)  # more than one block
     path = written(tmp_path, riff(chunk(b"fmt ", form(1, 16, channels=2, rate=16_000)), chunk(b"data", both)))
     heard = load_wav("microphone", path)
@@ -82,7 +82,7 @@ def test_floats_beyond_the_range_and_none_at_all_are_clipped(tmp_path: Path) -> 
     assert load_wav("microphone", path).tolist() == [0, 32767, -32768, 32767, -32768, 16384]
 
 
-def test_compressed_samples_are_played_and_not_heard(tmp_path: Path) -> None:
+def test_compressed_samples_are_played_but_not_read(tmp_path: Path) -> None:
     ima = struct.pack("<HHIIHHHH", 0x11, 1, RATE, 11_100, 1024, 4, 2, 2041)
     path = written(tmp_path, riff(chunk(b"fmt ", ima), chunk(b"data", bytes(11_100))))
     assert sound_duration(check_sound_file("voice", path)) == pytest.approx(1.0)
@@ -102,6 +102,6 @@ def test_no_damage_does_more_than_refuse(kind: str, data: st.DataObject) -> None
         assert sum(len(block) for block in decode_blocks(file, header)) == header.frames
 
 
-def test_a_file_is_measured_by_what_it_is_whatever_it_is_called(tmp_path: Path) -> None:
+def test_file_is_measured_by_its_content_not_its_name(tmp_path: Path) -> None:
     path = written(tmp_path, MP3 * 100)  # an MP3 that is called sound.wav
     assert sound_worker._file_duration(str(path)) > 1.0

@@ -74,7 +74,7 @@ def open_loop() -> Iterator[Bench]:
 # --- lines ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_line_is_found_however_it_is_cut_and_a_huge_one_is_none() -> None:
+def test_lines_are_found_for_any_chunking_and_overlong_ones_dropped() -> None:
     finder = LineFinder(max_length=20)
     stream = b"first\r\n\n second \n" + b"x" * 1000 + b"\nthird\n" + b"y" * 21 + b"\nfourth\nbegun"
     found = [line for at in range(0, len(stream), 3) for line in finder.feed(stream[at : at + 3])]
@@ -90,7 +90,7 @@ def test_a_line_is_found_however_it_is_cut_and_a_huge_one_is_none() -> None:
     ],
     ids=["volts", "hundredths"],
 )
-def test_a_report_is_read_as_the_vendors_firmware_writes_it(line: bytes, volts: float) -> None:
+def test_vendor_report_is_parsed(line: bytes, volts: float) -> None:
     assert wire.parse_line(line) == wire.WaveshareFeedback(0.1, -0.2, volts)
 
 
@@ -114,12 +114,12 @@ def test_a_report_is_read_as_the_vendors_firmware_writes_it(line: bytes, volts: 
         b"null",
     ],
 )
-def test_what_is_no_report_is_refused(line: bytes) -> None:
+def test_invalid_report_is_refused(line: bytes) -> None:
     with pytest.raises(ValueError, match=r"."):
         wire.parse_line(line)
 
 
-def test_a_line_to_the_rover_is_json_with_fractions_where_the_firmware_asks_for_floats() -> None:
+def test_rover_command_is_json_with_floats() -> None:
     assert wire.speeds(1, -0.25) == b'{"T":1,"L":1.000,"R":-0.250}\n'
     assert json.loads(wire.command(wire.HEARTBEAT, cmd=400)) == {"T": 136, "cmd": 400}
 
@@ -127,7 +127,7 @@ def test_a_line_to_the_rover_is_json_with_fractions_where_the_firmware_asks_for_
 # --- reckoning --------------------------------------------------------------------------------------------------------
 
 
-def test_a_circle_ends_where_it_began_however_seldom_it_is_looked_at() -> None:
+def test_circle_by_dead_reckoning_closes_at_any_step_rate() -> None:
     reckoning = Reckoning()
     reckoning.advance(5.0, Velocity(0.5, 1.0))
     for step in range(1, 8):
@@ -139,7 +139,7 @@ def test_a_circle_ends_where_it_began_however_seldom_it_is_looked_at() -> None:
     assert reckoning.pose == pose
 
 
-def test_wheels_that_cannot_follow_slow_the_whole_down() -> None:
+def test_wheel_speed_limit_scales_the_whole_velocity() -> None:
     wheels = TwoWheels(0.2, 0.5)
     given = wheels.within(Velocity(0.5, 2.0))
     assert max(map(abs, wheels.rims(given))) == pytest.approx(0.5)
@@ -151,7 +151,7 @@ def test_wheels_that_cannot_follow_slow_the_whole_down() -> None:
 # --- the driver -------------------------------------------------------------------------------------------------------
 
 
-def test_the_heartbeat_is_set_and_confirmed_before_it_drives_and_echoes_end(bench: Bench) -> None:
+def test_heartbeat_is_set_and_confirmed_before_driving(bench: Bench) -> None:
     bench.start()
     bench.passes(0.2)
     assert bench.rover.heartbeat == HEARTBEAT_TIMEOUT
@@ -160,7 +160,7 @@ def test_the_heartbeat_is_set_and_confirmed_before_it_drives_and_echoes_end(benc
     assert not echoed.startswith(b'{"T":130}')
 
 
-def test_it_is_said_where_the_heartbeat_is_not_confirmed_and_it_is_set_all_the_same() -> None:
+def test_unconfirmed_heartbeat_is_reported_and_set_anyway() -> None:
     bench = Bench(echoes=False).start()
     bench.passes(4.0)
     faults = [notice.message for notice in bench.notices if notice.kind == "fault"]
@@ -170,7 +170,7 @@ def test_it_is_said_where_the_heartbeat_is_not_confirmed_and_it_is_set_all_the_s
     bench.base.close()
 
 
-def test_a_driver_that_dies_has_the_rover_at_rest_by_its_heartbeat(bench: Bench) -> None:
+def test_dead_driver_stops_the_rover_by_heartbeat(bench: Bench) -> None:
     bench.start()
     bench.drives(0.4, 0.0, 2.0)
     bench.wire.unplug()  # nobody says anything any more
@@ -182,7 +182,7 @@ def test_a_driver_that_dies_has_the_rover_at_rest_by_its_heartbeat(bench: Bench)
     assert at_rest.x - before.x < 0.4 * (HEARTBEAT_TIMEOUT + 0.2)
 
 
-def test_a_rover_that_starts_anew_is_set_up_again_and_drives_no_more_until_then(bench: Bench) -> None:
+def test_restarted_rover_is_configured_again_before_driving(bench: Bench) -> None:
     bench.start()
     bench.drives(0.3, 0.0, 1.0)
     bench.rover.reset(bench.clock.now())
@@ -193,7 +193,7 @@ def test_a_rover_that_starts_anew_is_set_up_again_and_drives_no_more_until_then(
     assert bench.rover.commanded == (0.0, 0.0)
 
 
-def test_without_encoders_full_power_is_the_speed_that_the_robot_file_gives(open_loop: Bench) -> None:
+def test_full_power_without_encoders_is_the_configured_speed(open_loop: Bench) -> None:
     open_loop.start()
     open_loop.drives(0.5, 0.0, 2.0)
     assert open_loop.rover.commanded == pytest.approx((0.2, 0.2), abs=0.001)
@@ -204,7 +204,7 @@ def test_without_encoders_full_power_is_the_speed_that_the_robot_file_gives(open
     assert state.pose.x == pytest.approx(open_loop.rover.pose(open_loop.clock.now()).x, abs=0.1)
 
 
-def test_no_wheel_is_told_more_than_its_full_power(open_loop: Bench) -> None:
+def test_wheel_commands_are_limited_to_full_power(open_loop: Bench) -> None:
     open_loop.base = waveshare_base(
         open_loop.wire.link("base"), open_loop.clock, track=TRACK, encoders=False, speed_at_full=0.3, max_linear=0.3
     )
@@ -213,7 +213,7 @@ def test_no_wheel_is_told_more_than_its_full_power(open_loop: Bench) -> None:
     assert max(map(abs, open_loop.rover.commanded)) <= wire.FULL_POWER
 
 
-def test_text_at_its_start_and_lines_of_others_do_no_harm(bench: Bench) -> None:
+def test_foreign_lines_are_harmless(bench: Bench) -> None:
     bench.start()
     for noise in (b"[missionPlay abort.]\r\n", b'{"T":1003,"mac":"x"}\r\n', b"\x00\xff" * 400 + b"\n", b"[" * 3000):
         bench.wire.take(noise)
@@ -225,7 +225,7 @@ def test_text_at_its_start_and_lines_of_others_do_no_harm(bench: Bench) -> None:
     assert bench.base.health().counters["overlong"] >= 1
 
 
-def test_unplugged_in_mid_move_and_plugged_in_again_it_stays_at_rest(bench: Bench) -> None:
+def test_replugged_rover_stays_at_rest(bench: Bench) -> None:
     bench.start()
     bench.drives(0.4, 0.0, 1.0)
     bench.wire.unplug()

@@ -145,7 +145,7 @@ class Storm:
         return bytes(found)
 
 
-def test_whatever_happens_on_the_wire_the_base_comes_to_rest_and_keeps_its_limits(
+def test_base_stops_and_keeps_its_limits_under_wire_faults(
     record_property: Callable[[str, object], None],
 ) -> None:
     struck: Counter[str] = Counter()

@@ -24,14 +24,14 @@ DOCUMENTED = bytes.fromhex("5551 0000 0000 0008 6400 12")
 """1 g down, at 1 degC, as the protocol's document works it out: 0x0800 steps of 16 g / 32768."""
 
 
-def test_a_packet_is_read_as_its_document_says() -> None:
+def test_packet_is_parsed_as_documented() -> None:
     finder = wire.WitMotionReportFinder()
     list(finder.feed(DOCUMENTED + wire.packet(wire.RATES, (0.0, 0.0, 0.0), wire.RATE_PER_STEP)))
     (report,) = finder.feed(wire.packet(wire.ANGLES, (0.0, 0.0, 0.0), wire.ANGLE_PER_STEP))
     assert report.forces == pytest.approx((0.0, 0.0, 9.80665))
 
 
-def test_reports_are_found_however_bytes_are_cut_and_between_others() -> None:
+def test_reports_are_found_for_any_chunking() -> None:
     data = b"\x55\x51junk" + wire.pack(LEANING) + wire.packet(0x54, (1.0, 2.0, 3.0), 1.0) + b"\x55" + wire.pack(LEANING)
     for size in (1, 2, 5, 11, 500):
         finder = wire.WitMotionReportFinder()
@@ -63,7 +63,7 @@ class Bench:
         self.timeline.run_until(self.timeline.clock.now() + seconds)
 
 
-def test_it_is_told_to_report_a_hundred_times_a_second_and_its_newest_report_is_given() -> None:
+def test_imu_is_set_to_100_hz_and_returns_the_newest_report() -> None:
     bench = Bench()
     assert bench.device.interval == CONFIGURED_INTERVAL
     bench.device.report = LEANING
@@ -77,7 +77,7 @@ def test_it_is_told_to_report_a_hundred_times_a_second_and_its_newest_report_is_
     bench.imu.close()
 
 
-def test_unplugged_its_attitude_is_stale_and_plugged_in_again_it_goes_on() -> None:
+def test_unplugged_imu_is_stale_and_resumes_when_replugged() -> None:
     bench = Bench()
     bench.wire.unplug()
     bench.passes(2 * STALE_AFTER)
@@ -89,7 +89,7 @@ def test_unplugged_its_attitude_is_stale_and_plugged_in_again_it_goes_on() -> No
     bench.imu.close()
 
 
-def test_silent_on_an_open_port_it_says_what_to_try() -> None:
+def test_silent_imu_gives_a_hint() -> None:
     bench = Bench()
     bench.wire.distort = lambda _: b""
     bench.passes(2 * STALE_AFTER)
@@ -99,7 +99,7 @@ def test_silent_on_an_open_port_it_says_what_to_try() -> None:
     bench.imu.close()
 
 
-def test_it_is_recognised_by_its_reports_alone() -> None:
+def test_imu_is_recognised_by_its_reports() -> None:
     asking = probe()
     ask = next(asking)
     assert ask.send == b""
@@ -111,7 +111,7 @@ def test_it_is_recognised_by_its_reports_alone() -> None:
     assert silent.send(b"\x55\x51abc").baud == 9_600
 
 
-def test_its_twin_feels_a_base_that_stands_upright_and_turns() -> None:
+def test_imu_twin_reports_an_upright_turning_base() -> None:
     timeline = Timeline()
     twin = ImuTwin(SimContext(timeline.clock, None, lambda _: Pose2D(0.0, 0.0, 0.4)))
     assert twin.attitude().quality is Quality.NONE
@@ -124,7 +124,7 @@ def test_its_twin_feels_a_base_that_stands_upright_and_turns() -> None:
     twin.close()
 
 
-def test_what_it_tells_upright_may_be_any_two_angles() -> None:
+def test_level_accepts_any_two_angles() -> None:
     text = "robot: r\nimu: {driver: witmotion, port: /dev/imu, level: [2 deg, -1 deg]}\n"
     keys = parse_robot(SourceText("r.yaml", text), DriverTable())
     assert keys.sections["imu"].keys.level == pytest.approx((radians(2), radians(-1)))

@@ -71,26 +71,26 @@ def going(velocity: Velocity, share: float = 1.0) -> Truth:
 
 @pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0), LEFT, Velocity(0.2, 0.4)])
 @pytest.mark.parametrize("share", [0.8, 1.0, 1.1])
-def test_a_base_that_moves_as_it_believes_is_left_alone(velocity: Velocity, share: float) -> None:
+def test_base_moving_as_believed_is_not_stopped(velocity: Velocity, share: float) -> None:
     assert drive(velocity, going(velocity, share)) == ""
 
 
 @pytest.mark.parametrize("velocity", [AHEAD, Velocity(-0.2, 0.0)])
 @pytest.mark.parametrize("reckoned", [True, False])
-def test_a_scan_that_does_not_change_tells_of_a_base_that_stands(velocity: Velocity, reckoned: bool) -> None:
+def test_unchanged_scan_reveals_a_standing_base(velocity: Velocity, reckoned: bool) -> None:
     assert "view of its range finder does not change" in drive(velocity, going(ZERO_VELOCITY), reckoned=reckoned)
 
 
-def test_a_scan_tells_of_a_base_that_drives_the_other_way() -> None:
+def test_scan_reveals_a_base_driving_the_wrong_way() -> None:
     assert "move the other way" in drive(AHEAD, going(AHEAD, -1.0))
 
 
-def test_an_imu_tells_of_a_base_that_does_not_turn_or_turns_the_other_way() -> None:
+def test_imu_reveals_a_base_that_does_not_turn_or_turns_the_wrong_way() -> None:
     assert "its IMU does not turn" in drive(LEFT, going(ZERO_VELOCITY), open_field=True)
     assert "its IMU turns the other way" in drive(LEFT, going(LEFT, -1.0), open_field=True)
 
 
-def test_where_nothing_is_seen_nothing_is_said() -> None:
+def test_open_field_gives_no_evidence() -> None:
     assert drive(AHEAD, going(ZERO_VELOCITY), open_field=True) == ""
 
 
@@ -104,7 +104,7 @@ def with_parts(scan: np.ndarray, degrees: float, distance: float) -> np.ndarray:
 
 @pytest.mark.parametrize("degrees", [30, 60, 120, 250, 360])
 @pytest.mark.parametrize("distance", [0.05, 0.12, 0.177])
-def test_parts_of_the_robot_are_not_taken_for_a_world_that_does_not_change(degrees: float, distance: float) -> None:
+def test_robot_parts_in_the_scan_are_not_an_unchanged_view(degrees: float, distance: float) -> None:
     def see(pose: Pose2D) -> np.ndarray:
         return with_parts(room(pose, open_field=True), degrees, distance)
 
@@ -112,14 +112,14 @@ def test_parts_of_the_robot_are_not_taken_for_a_world_that_does_not_change(degre
 
 
 @pytest.mark.parametrize("degrees", [30, 60, 120])
-def test_a_base_that_stands_is_found_beside_its_own_parts(degrees: float) -> None:
+def test_standing_base_is_detected_beside_its_own_parts(degrees: float) -> None:
     assert "does not change" in drive(
         AHEAD, going(ZERO_VELOCITY), see=lambda pose: with_parts(room(pose), degrees, 0.12)
     )
 
 
 @pytest.mark.parametrize("beams", [360, 720, 1440])
-def test_somebody_who_walks_along_is_not_a_world_that_does_not_change(beams: int) -> None:
+def test_accompanying_person_is_not_an_unchanged_view(beams: int) -> None:
     def see(pose: Pose2D) -> np.ndarray:
         del pose
         return with_parts(np.full(beams, np.nan, np.float32), 30, 0.9)

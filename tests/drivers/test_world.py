@@ -18,12 +18,12 @@ from drivers.sim.world import SimulatedWorld
 points = st.tuples(st.floats(-2, 4), st.floats(-2, 2))
 
 
-def test_somebody_without_a_path_stands_still() -> None:
+def test_person_without_a_path_stands_still() -> None:
     person = Person("anna", x=1.5, y=-0.5)
     assert person.position_at(0.0) == person.position_at(1000.0) == (1.5, -0.5)
 
 
-def test_a_walk_begins_at_its_start_and_has_its_speed() -> None:
+def test_walk_starts_at_its_time_with_its_speed() -> None:
     person = Person("ben", x=1.0, y=0.0, path=((3.0, 0.0), (3.0, 1.0)), speed=0.5, start=2.0, loop=False)
     assert person.position_at(1.9) == (1.0, 0.0)
     assert person.position_at(4.0) == pytest.approx((2.0, 0.0))
@@ -31,7 +31,7 @@ def test_a_walk_begins_at_its_start_and_has_its_speed() -> None:
     assert person.position_at(60.0) == (3.0, 1.0)
 
 
-def test_a_loop_leads_back_to_where_it_began() -> None:
+def test_looped_path_returns_to_its_start() -> None:
     person = Person("ben", x=1.0, y=0.0, path=((2.0, 0.0),), speed=0.5)
     assert person.position_at(3.0) == pytest.approx((1.5, 0.0))
     assert person.position_at(4.0) == pytest.approx((1.0, 0.0))
@@ -39,7 +39,7 @@ def test_a_loop_leads_back_to_where_it_began() -> None:
 
 
 @given(st.lists(points, max_size=4), st.booleans(), st.floats(0, 100), st.floats(0, 5), st.floats(0.1, 3))
-def test_nobody_moves_faster_than_their_speed(
+def test_people_never_exceed_their_speed(
     path: list[tuple[float, float]], loop: bool, time: float, later: float, speed: float
 ) -> None:
     person = Person("chidi", path=tuple(path), loop=loop, speed=speed)
@@ -47,16 +47,14 @@ def test_nobody_moves_faster_than_their_speed(
 
 
 @given(st.lists(points, max_size=4), st.booleans(), st.floats(0, 1000))
-def test_a_walk_never_leaves_the_room_its_waypoints_are_in(
-    path: list[tuple[float, float]], loop: bool, time: float
-) -> None:
+def test_walk_stays_in_the_room_of_its_waypoints(path: list[tuple[float, float]], loop: bool, time: float) -> None:
     world = SimulatedWorld(people=(Person("dora", path=tuple(path), loop=loop),))
     (presence,) = world.people_at(time)
     assert world.room.contains(presence.x, presence.y, margin=-1e-9)
     assert presence.distance(0, 0) == pytest.approx(hypot(presence.x, presence.y))
 
 
-def test_an_unknown_look_lists_those_there_are() -> None:
+def test_unknown_look_lists_the_available_ones() -> None:
     with pytest.raises(BadRequest, match="no look named 'zorro'") as caught:
         Person("anna", look="zorro")
     assert all(look in caught.value.hint for look in APPEARANCES)
@@ -95,7 +93,7 @@ def test_light_cannot_be_negative() -> None:
         (Fixture("picture", "back", width=0.0), "both sides must be above 0"),
     ],
 )
-def test_a_fixture_must_fit_on_its_wall(fixture: Fixture, what: str) -> None:
+def test_oversized_fixture_is_refused(fixture: Fixture, what: str) -> None:
     with pytest.raises(BadRequest, match=what):
         Room(fixtures=(fixture,))
 
@@ -112,7 +110,7 @@ def test_a_rotation_keeps_lengths_and_handedness(yaw: float, pitch: float) -> No
     assert np.linalg.det(rotation) == pytest.approx(1.0)
 
 
-def test_left_is_left_in_the_picture_and_a_look_down_lifts_what_is_ahead() -> None:
+def test_viewpoint_axes_follow_the_camera_convention() -> None:
     ahead, left = (1.0, 0.0, 0.0), (1.0, 0.2, 0.0)
     assert (np.array(Viewpoint().rotation()) @ left)[0] < 0
     assert (np.array(Viewpoint(pitch=0.3).rotation()) @ ahead)[1] < 0

@@ -18,7 +18,7 @@ TABLE = WorldBox("table", 2.0, 0.0, (0.8, 1.0, 0.75), RED)
 EMPTY = SimulatedWorld()
 
 
-def test_the_walls_of_the_room_are_felt_where_they_are() -> None:
+def test_room_walls_are_felt_at_their_place() -> None:
     ground: Ground = EMPTY
     assert ground.contact_directions(0.0, 0.0, 0.18, 0.0) == []
     assert ground.contact_directions(4.9, 0.0, 0.18, 0.0) == [0.0]
@@ -45,13 +45,13 @@ def test_everything_solid_is_bumped_into_seen_by_the_range_finder_and_in_the_way
     assert not world.is_visible((0.0, 0.0, 0.1), (4.0, 0.0, 0.1), 0.0)
 
 
-def test_the_direction_of_a_bump_is_that_of_the_nearest_spot() -> None:
+def test_bump_direction_is_towards_the_nearest_point() -> None:
     world = SimulatedWorld(furniture=(TABLE,))
     assert world.contact_directions(1.5, 0.6, 0.18, 0.0) == pytest.approx([atan2(-0.1, 0.1)])
     assert world.contact_directions(1.9, 0.1, 0.18, 0.0) == pytest.approx([atan2(-0.1, 0.1)])  # from within: its middle
 
 
-def test_what_hangs_high_is_driven_under_and_what_stands_on_a_table_hides_the_view() -> None:
+def test_raised_object_is_passed_under_but_blocks_the_view() -> None:
     lamp = WorldBox("lamp", 1.0, 0.0, (0.3, 0.3, 0.3), RED, bottom=1.0)
     world = SimulatedWorld(objects=(lamp,))
     assert world.contact_directions(1.0, 0.0, 0.18, 0.0) == []
@@ -60,7 +60,7 @@ def test_what_hangs_high_is_driven_under_and_what_stands_on_a_table_hides_the_vi
     assert not world.is_visible((0.0, 0.0, 1.1), (3.0, 0.0, 1.1), 0.0)
 
 
-def test_the_range_finder_sees_no_farther_than_its_limit() -> None:
+def test_range_finder_distance_is_limited() -> None:
     assert EMPTY.distance(0.0, 0.0, 0.0, 0.0, 2.0) == 2.0
     assert EMPTY.distance(0.0, 0.0, 0.0, 0.0, inf) == pytest.approx(5.0)
 
@@ -81,7 +81,7 @@ def test_the_floor_ends_at_an_edge() -> None:
     assert world.has_floor(3.0, 1.1)
 
 
-def test_somebody_is_visible_past_others_unless_they_stand_in_the_line() -> None:
+def test_person_is_hidden_only_by_others_in_the_line_of_sight() -> None:
     ben = Person("Ben", x=1.5, y=0.0)
     world = SimulatedWorld(people=(Person("Anna", x=3.0), ben))
     eye, anna = (0.0, 0.0, 1.6), (3.0, 0.0, 1.6)
@@ -92,21 +92,21 @@ def test_somebody_is_visible_past_others_unless_they_stand_in_the_line() -> None
     assert not world.is_visible((0.0, 0.4, 1.1), (3.0, -0.05, 1.1), 0.0)
 
 
-def test_who_has_left_is_in_nobodys_way() -> None:
+def test_departed_person_blocks_nothing() -> None:
     world = SimulatedWorld(people=(Person("Ben", x=1.5, acts=(PersonAction(at=0.0, leave=True),), speed=5.0),))
     assert not world.is_visible((0.0, 0.0, 1.6), (4.0, 0.0, 1.6), 0.0)
     assert world.is_visible((0.0, 0.0, 1.6), (4.0, 0.0, 1.6), 2.0)
     assert world.contact_directions(1.5, 0.0, 0.18, 2.0) == []
 
 
-def test_the_middle_and_the_outside_of_a_thing_are_seen_from_before_it_but_not_what_is_outside_the_room() -> None:
+def test_near_sides_are_visible_but_points_outside_the_room_are_not() -> None:
     world = SimulatedWorld(furniture=(TABLE,), robots=(Rover("R2", 3, 0.0, 2.0),))
     assert world.is_visible((0.0, 0.0, 0.5), (2.0, 0.0, 0.4), 0.0)
     assert world.is_visible((0.0, 0.0, 0.5), (0.0, 2.0 - 0.175, 0.3), 0.0)
     assert not world.is_visible((0.0, 0.0, 0.5), (9.0, 0.0, 0.4), 0.0)
 
 
-def test_another_robot_drives_the_way_that_it_goes() -> None:
+def test_rover_follows_its_path_and_heading() -> None:
     rover = Rover("R2", 3, 1.0, 1.0, heading=1.0, path=((1.0, -1.0),), speed=0.5, start=2.0)
     assert rover.solid(1.0).heading == 1.0
     there, back = rover.solid(3.0), rover.solid(7.0)
@@ -116,7 +116,7 @@ def test_another_robot_drives_the_way_that_it_goes() -> None:
     assert (parked.solid(9.0).x, parked.solid(9.0).heading) == (1.0, 0.0)
 
 
-def test_a_walk_that_leads_nowhere_has_no_way_and_no_leg_of_nothing() -> None:
+def test_degenerate_path_has_no_heading() -> None:
     assert WaypointPath(((1.0, 1.0), (1.0, 1.0)), 1.0).heading_at(3.0) is None
     walk = WaypointPath(((0.0, 0.0), (0.0, 0.0), (1.0, 0.0)), 1.0, loop=False)
     assert (walk.position_at(0.5), walk.heading_at(0.5)) == ((0.5, 0.0), 0.0)
@@ -134,7 +134,7 @@ def test_light_fades_evenly_and_a_new_change_begins_where_the_last_had_come_to()
 
 
 @given(st.lists(st.tuples(st.floats(0, 20), st.floats(0, 2), st.floats(0, 5)), max_size=4), st.floats(0, 40))
-def test_light_stays_between_the_levels_that_are_named(changes: list[tuple[float, float, float]], time: float) -> None:
+def test_light_level_stays_between_its_named_levels(changes: list[tuple[float, float, float]], time: float) -> None:
     light = Light(1.0, tuple(LightChange(*change) for change in sorted(changes)))
     levels = [1.0, *(level for _, level, _ in changes)]
     assert min(levels) - 1e-9 <= light.level_at(time) <= max(levels) + 1e-9
@@ -146,7 +146,7 @@ def test_light_in_disorder_is_refused(changes: tuple[LightChange, ...]) -> None:
         Light(1.0, changes)
 
 
-def test_a_small_room_keeps_of_its_furnishing_what_fits() -> None:
+def test_small_room_keeps_only_fitting_fixtures() -> None:
     small, usual = (
         Room.with_default_fixtures(5.0, 5.0, 2.6, (0.0, 0.0)),
         Room.with_default_fixtures(8.0, 6.0, 2.6, (1.0, 0.0)),
@@ -163,7 +163,7 @@ def test_the_nearest_wall_is_the_nearest_spot_of_any_wall() -> None:
     assert hypot(x - 4.0, y - 1.0) == pytest.approx(min(rays))
 
 
-def test_things_without_size_and_markers_that_are_not_there_are_refused() -> None:
+def test_sizeless_things_and_unknown_markers_are_refused() -> None:
     with pytest.raises(BadRequest, match="no length"):
         Wall((1.0, 1.0), (1.0, 1.0))
     with pytest.raises(BadRequest, match="table"):

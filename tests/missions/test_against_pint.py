@@ -103,7 +103,7 @@ def larger(inner: st.SearchStrategy[Formula]) -> st.SearchStrategy[Formula]:
 FORMULAS = st.recursive(LEAVES, larger, max_leaves=6)
 
 
-def test_our_units_are_those_of_pint() -> None:
+def test_units_have_the_factors_of_pint() -> None:
     for dimension, units in UNITS.items():
         for unit, factor in units.items():
             if unit != "%":
@@ -113,7 +113,7 @@ def test_our_units_are_those_of_pint() -> None:
 
 
 @given(FORMULAS)
-def test_a_formula_gives_what_pint_gives_and_is_refused_where_pint_refuses(formula: Formula) -> None:
+def test_formulas_evaluate_as_in_pint_or_are_refused_by_both(formula: Formula) -> None:
     text, theirs = formula
     assume(theirs is not None)
     mistakes: list[str] = []
@@ -135,7 +135,7 @@ def test_a_formula_gives_what_pint_gives_and_is_refused_where_pint_refuses(formu
 
 
 @given(FORMULAS, FORMULAS)
-def test_formulas_compare_as_pint_compares_them(left: Formula, right: Formula) -> None:
+def test_comparisons_give_the_same_result_as_in_pint(left: Formula, right: Formula) -> None:
     text, theirs = both("{} < {}", operator.lt, left, right)
     assume(None not in (left[1], right[1]))
     mistakes: list[str] = []

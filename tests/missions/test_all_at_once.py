@@ -105,7 +105,7 @@ def test_one_mistake_hides_no_other_and_has_no_follower(written: Several) -> Non
     assert [m for m, begins in zip(messages, written.mistakes, strict=True) if not m.startswith(begins)] == []
 
 
-def test_a_param_that_is_wrong_is_one_mistake_however_often_it_is_read() -> None:
+def test_wrong_param_is_reported_once() -> None:
     text = "mission: m\nparams:\n  gap: {type: lenght}\ntree:\n  drive: ${gap}\nreturns: {gap: gap}\n"
     assert [fault.message for fault in faults(text)] == ["param 'gap': unknown type 'lenght'"]
     assert [fault.mark.line for fault in faults(text, gap="3 m")] == [3]
@@ -122,7 +122,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_one_mistake_in_a_mission_that_is_right_is_told_at_its_line_alone(what: str) -> None:
+def test_one_mistake_is_reported_only_at_its_line(what: str) -> None:
     random, (found, instead) = Random(15), WRONG[what]  # noqa: S311 - which lines are spoilt
     wrong, spoilt = [], 0
     for path in shipped_missions().values():

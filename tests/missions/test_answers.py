@@ -58,7 +58,7 @@ def moments() -> Moments:
 # --- questions --------------------------------------------------------------------------------------------------------
 
 
-def test_within_a_moment_a_part_is_asked_once(moments: Moments) -> None:
+def test_part_is_queried_once_per_tick(moments: Moments) -> None:
     moments.begin()
     first = moments.robot.head.pose()
     moments.bench.head.reading = good(LEFT)
@@ -66,7 +66,7 @@ def test_within_a_moment_a_part_is_asked_once(moments: Moments) -> None:
     assert (moments.asked, moments.said()) == (1, [("head", "pose", (), first)])
 
 
-def test_in_the_next_moment_it_is_asked_again(moments: Moments) -> None:
+def test_part_is_queried_again_in_the_next_tick(moments: Moments) -> None:
     for number in (1, 2):
         moments.begin()
         moments.robot.head.pose()
@@ -74,14 +74,14 @@ def test_in_the_next_moment_it_is_asked_again(moments: Moments) -> None:
         assert moments.asked == number
 
 
-def test_outside_of_moments_it_is_asked_each_time_and_nothing_is_kept(moments: Moments) -> None:
+def test_queries_outside_a_tick_are_neither_cached_nor_recorded(moments: Moments) -> None:
     moments.robot.head.pose()
     moments.robot.head.pose()
     moments.robot.head.look(LEFT)
     assert (moments.asked, moments.said()) == (2, [])
 
 
-def test_what_nobody_wants_is_not_kept(moments: Moments) -> None:
+def test_answers_are_not_recorded_while_recording_is_off(moments: Moments) -> None:
     moments.answers.is_recording = False
     moments.begin()
     moments.robot.head.pose()
@@ -96,14 +96,14 @@ def test_nothing_is_an_answer_too(moments: Moments) -> None:
     assert moments.said() == [("sight", "looked", (), None)]
 
 
-def test_a_question_with_an_argument_is_another_for_another_argument(moments: Moments) -> None:
+def test_query_is_cached_per_argument(moments: Moments) -> None:
     moments.begin()
     for stamp in (1.0, 2.0, 1.0):
         moments.robot.base.heading_at(stamp)
     assert moments.said() == [("base", "heading_at", (1.0,), 0.0), ("base", "heading_at", (2.0,), 0.0)]
 
 
-def test_every_part_answers_by_its_name(moments: Moments) -> None:
+def test_all_parts_are_recorded_under_their_names(moments: Moments) -> None:
     robot, sight = moments.robot, moments.robot.sight
     moments.begin()
     found: list[object] = [robot.base.state(), robot.base.latched, robot.base.limits, robot.base.steering()]
@@ -120,14 +120,14 @@ def test_every_part_answers_by_its_name(moments: Moments) -> None:
     ]
 
 
-def test_a_robot_without_parts_stays_so() -> None:
+def test_robot_without_parts_gets_no_proxies() -> None:
     assert with_proxies(Robot(), TickCache()) == Robot()
 
 
 # --- commands ---------------------------------------------------------------------------------------------------------
 
 
-def test_after_a_command_its_part_is_asked_anew_and_no_other(moments: Moments) -> None:
+def test_command_invalidates_only_the_answers_of_its_part(moments: Moments) -> None:
     moments.begin()
     before = moments.robot.head.pose()
     moments.robot.base.drive(FORWARD)
@@ -143,7 +143,7 @@ def test_after_a_command_its_part_is_asked_anew_and_no_other(moments: Moments) -
     ]
 
 
-def test_commands_are_kept_with_all_that_they_were_given(moments: Moments) -> None:
+def test_commands_are_recorded_with_all_arguments(moments: Moments) -> None:
     base, arm, goals = moments.robot.base, moments.robot.arm, {"elbow": 0.5}
     moments.begin()
     base.stop(source=Source.MISSION)
@@ -175,7 +175,7 @@ def test_commands_are_kept_with_all_that_they_were_given(moments: Moments) -> No
     ]
 
 
-def test_what_is_said_aloud_goes_by_its_number(moments: Moments) -> None:
+def test_utterances_are_recorded_by_number(moments: Moments) -> None:
     moments.begin()
     first, second = moments.robot.voice.say("one"), moments.robot.voice.say("two")
     assert [first.done(), second.done(), first.done()] == [False, False, False]
@@ -217,7 +217,7 @@ def test_an_error_of_a_driver_is_an_answer_and_raised_again_alike(moments: Momen
     assert [value for part, _, _, value in moments.said() if part == "head"] == [error, None, good(LEFT)]
 
 
-def test_an_error_is_forgotten_with_its_moment(moments: Moments) -> None:
+def test_cached_error_expires_with_its_tick(moments: Moments) -> None:
     moments.bench.base.heading_at = _unknown  # type: ignore[method-assign] # a driver that cannot say
     for _ in range(2):
         moments.begin()
@@ -232,7 +232,7 @@ def _unknown(stamp: float) -> float | None:
     raise BadRequest("no such time")
 
 
-def test_a_command_that_fails_is_kept_with_its_error(moments: Moments) -> None:
+def test_failed_command_is_recorded_with_its_error(moments: Moments) -> None:
     moments.bench.base.trouble = error = DeviceFault("blocked")
     moments.begin()
     with pytest.raises(DeviceFault, match="blocked"):
@@ -240,7 +240,7 @@ def test_a_command_that_fails_is_kept_with_its_error(moments: Moments) -> None:
     assert moments.said() == [("base", "drive", (FORWARD, Source.MISSION), error)]
 
 
-def test_a_command_that_is_not_permitted_is_refused_as_by_its_driver(moments: Moments) -> None:
+def test_commands_without_a_permit_are_refused(moments: Moments) -> None:
     robot, bench = moments.robot, moments.bench
     moments.refusal = DeviceFault("kept still")
     moves: list[Callable[[], object]] = [
@@ -258,7 +258,7 @@ def test_a_command_that_is_not_permitted_is_refused_as_by_its_driver(moments: Mo
     assert (bench.base.commands, bench.head.commands, bench.arm.commands) == ([], [], [])
 
 
-def test_what_comes_to_rest_needs_no_permit(moments: Moments) -> None:
+def test_stop_and_hold_commands_need_no_permit(moments: Moments) -> None:
     moments.refusal = DeviceFault("kept still")
     moments.robot.base.stop()
     moments.robot.head.stop()
@@ -271,7 +271,7 @@ def test_what_comes_to_rest_needs_no_permit(moments: Moments) -> None:
 # --- what nobody asks -------------------------------------------------------------------------------------------------
 
 
-def test_a_sample_asks_what_was_not_asked_and_what_never_changes_once(moments: Moments) -> None:
+def test_sample_adds_missing_queries_and_reads_constants_once(moments: Moments) -> None:
     moments.begin()
     moments.robot.head.pose()
     moments.answers.sample()
@@ -284,7 +284,7 @@ def test_a_sample_asks_what_was_not_asked_and_what_never_changes_once(moments: M
     assert not {"limits", "place"} & {what for _, what, _, _ in moments.said()}
 
 
-def test_a_part_that_cannot_answer_does_not_keep_others_from_it(
+def test_failing_part_does_not_prevent_the_sampling_of_others(
     moments: Moments, caplog: pytest.LogCaptureFixture
 ) -> None:
     error = NotConnected("the cable is out")
@@ -321,7 +321,7 @@ class Replayed:
 
 
 @given(st.lists(st.sampled_from(["pose", "pose", "look", "turn", "end"]), max_size=30))
-def test_all_that_a_moment_was_told_can_be_told_again(doings: list[str]) -> None:
+def test_recorded_answers_can_be_replayed(doings: list[str]) -> None:
     moments = Moments()
     told: list[object] = []
     kept: list[Answer] = []

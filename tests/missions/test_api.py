@@ -38,14 +38,14 @@ def test_the_documented_examples_run() -> None:
     assert doctest.testmod(missions) == doctest.TestResults(failed=0, attempted=5)
 
 
-def test_all_that_is_public_is_there_and_nothing_else_is() -> None:
+def test_public_names_exist_and_no_others() -> None:
     for name in missions.__all__:
         assert getattr(missions, name).__name__ == name
     with pytest.raises(AttributeError, match="module 'missions' has no attribute 'nothing'"):
         _ = missions.nothing
 
 
-def test_a_mission_that_claims_nothing_is_ticked_without_a_robot(file: Path) -> None:
+def test_mission_without_claims_is_ticked_without_a_robot(file: Path) -> None:
     file.write_text(
         "mission: m\nparams: {text: a}\ntree:\n  sequence:\n    - log: ${text}\n    - pretend: [running, success]\n"
     )
@@ -64,7 +64,7 @@ def test_a_mission_that_claims_nothing_is_ticked_without_a_robot(file: Path) -> 
     assert "log" in display.ascii_tree(mission.root)
 
 
-def test_what_runs_is_halted_once(file: Path) -> None:
+def test_running_mission_can_be_halted_and_restarted(file: Path) -> None:
     file.write_text("mission: m\ntree:\n  wait: 1 min\n")
     mission = missions.load(file)
     with mission:
@@ -94,7 +94,7 @@ def test_one_error_holds_all_faults(file: Path) -> None:
         missions.load("no_such_mission")
 
 
-def test_a_mission_without_the_robot_that_it_needs_says_so(file: Path) -> None:
+def test_mission_without_its_robot_names_the_missing_parts(file: Path) -> None:
     file.write_text(DRIVE)
     mission = missions.load(file)
     with pytest.raises(BadRequest, match="mission 'go' needs a robot with base, and has none") as caught:
@@ -113,7 +113,7 @@ def test_parts_of_ones_own_are_a_robot_too(file: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_a_simulated_robot_is_open_within_the_context_and_at_rest_after_it(file: Path) -> None:
+def test_simulated_robot_is_open_only_within_the_context(file: Path) -> None:
     file.write_text(DRIVE)
     mission = missions.load(file, robot="turtlebot2_arm", simulate=True)
     heard: list[Event] = []
@@ -139,7 +139,7 @@ def test_a_ctrl_c_while_ticking_by_hand_is_the_users_and_goes_through(file: Path
         mission.tick()
 
 
-def test_a_run_returns_its_result_and_tells_its_events(file: Path) -> None:
+def test_run_returns_its_result_and_emits_events(file: Path) -> None:
     file.write_text("mission: m\nparams: {why: a}\ntree:\n  fail: ${why}\n")
     heard: list[Event] = []
     result = missions.run(file, {"why": "not today"}, listeners=[heard.append])
@@ -177,7 +177,7 @@ def test_a_run_off_the_main_thread_leaves_the_signals_alone(file: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_a_run_is_stopped_by_mission_stop_also_beside_another_one(
+def test_mission_stop_ends_two_runs_of_one_process(
     file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file.write_text(DRIVING)
@@ -251,7 +251,7 @@ def test_the_options_of_a_run_are_arguments_with_the_declared_defaults() -> None
         ({"until": 5.0}, "until are for simulated time"),
     ],
 )
-def test_a_value_out_of_its_declared_bounds_is_refused(options: dict[str, Any], why: str) -> None:
+def test_option_out_of_bounds_is_refused(options: dict[str, Any], why: str) -> None:
     with pytest.raises(ValueError, match=re.escape(why)):
         missions.run("greet", **options)
 

@@ -94,7 +94,7 @@ def layers(contract: dict[str, Any]) -> list[set[str]]:
     return [{room.strip() for room in layer.split("|")} for layer in contract["layers"]]
 
 
-def test_the_dependencies_on_the_page_are_those_of_import_linter() -> None:
+def test_layers_on_the_page_match_import_linter() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     held = [contract for contract in contracts if contract["type"] == "layers"]
     drawn = dict(re.findall(r"^```layers ?(\w*)\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE))
@@ -107,7 +107,7 @@ def test_packages_have_no_dependency_cycle() -> None:
     assert cycles(arrows()) == []
 
 
-def test_the_numbers_on_the_page_are_those_of_the_constants() -> None:
+def test_numbers_on_the_page_match_the_constants() -> None:
     table = PAGE.partition("## Numbers and their constants")[2].partition("\n## ")[0]
     rows = re.findall(r"^\| (.+?) \| (.+?) \| (.+?) \|$", table, re.MULTILINE)[2:]
     assert len(rows) > 12
@@ -116,7 +116,7 @@ def test_the_numbers_on_the_page_are_those_of_the_constants() -> None:
         assert [resolve(name) for name in DOTTED.findall(names)] == meant, rule
 
 
-def test_every_decision_is_in_the_index_with_its_title() -> None:
+def test_decision_index_has_every_title() -> None:
     index = (DECISIONS / "README.md").read_text(encoding="utf-8")
     for number, path in enumerate(sorted(DECISIONS.glob("0*.md")), 1):
         title = path.read_text(encoding="utf-8").splitlines()[0].removeprefix("# ")

@@ -82,7 +82,7 @@ def test_hardware_without_a_control_socket_is_not_opened(monkeypatch: pytest.Mon
     assert not opened
 
 
-def test_a_plug_in_cannot_keep_back_what_ends_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_plugin_cannot_suppress_the_error_that_ends_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(_: object) -> None:
         raise NotConnected("base: gone")
 
@@ -95,7 +95,7 @@ def test_a_plug_in_cannot_keep_back_what_ends_a_run(monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.parametrize("observed", ["on_tick", "on_view", "on_frame"])
 @pytest.mark.parametrize("eyes", ["truth", "pixels"])
-def test_an_observer_that_raises_changes_nothing(observed: str, eyes: Any) -> None:
+def test_raising_observer_does_not_change_the_result(observed: str, eyes: Any) -> None:
     results = []
     none: dict[str, Any] = {}
     for observers in (none, {observed: lambda *_: 1 // 0}):
@@ -122,7 +122,7 @@ def put_spies(step: Step, leaf: Leaf | None) -> Leaf | None:
 @pytest.mark.parametrize(
     ("leaf", "watched"), [("behaviours", False), ("behaviours.driving.motion", False), ("my_leaves", True)]
 )
-def test_only_leaves_of_others_are_watched(monkeypatch: pytest.MonkeyPatch, leaf: str, watched: bool) -> None:
+def test_watchdog_runs_only_for_foreign_leaves(monkeypatch: pytest.MonkeyPatch, leaf: str, watched: bool) -> None:
     monkeypatch.setattr(Spy, "__module__", leaf)
     request = RunRequest("look_around", robot="turtlebot2_arm", simulate="fast", eyes="truth")
     Runner(request, substitute=put_spies).run()
@@ -131,7 +131,9 @@ def test_only_leaves_of_others_are_watched(monkeypatch: pytest.MonkeyPatch, leaf
 
 @pytest.mark.parametrize(("module", "watched"), [("missions.cli.live", False), ("my_plugin", True)])
 @pytest.mark.parametrize("way", ["listener", "partial", "observer"])
-def test_listeners_of_others_are_watched(module: str, watched: bool, way: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_watchdog_runs_for_foreign_listeners(
+    module: str, watched: bool, way: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     sockets: list[bool] = []  # by which a signal is heard while a listener is stuck in C
 
     def listen(*_: object) -> None:

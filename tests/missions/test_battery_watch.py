@@ -22,7 +22,7 @@ def test_a_dip_under_load_is_forgotten() -> None:
     assert not watch.low
 
 
-def test_a_low_battery_stays_low_until_it_is_well_above_the_threshold() -> None:
+def test_low_battery_has_hysteresis() -> None:
     watch = BatteryWatch(25.0, 10.0)
     for now in (0.0, CONFIRM_TIME):
         watch.update(24.0, now, charging=False)
@@ -32,7 +32,7 @@ def test_a_low_battery_stays_low_until_it_is_well_above_the_threshold() -> None:
     assert not watch.low
 
 
-def test_a_battery_that_charges_is_not_low() -> None:
+def test_charging_battery_is_not_low() -> None:
     watch = BatteryWatch(25.0, 10.0)
     for now in (0.0, CONFIRM_TIME):
         watch.update(5.0, now, charging=False)

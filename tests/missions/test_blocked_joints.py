@@ -72,7 +72,7 @@ def success_of(found: MissionRun) -> str:
 
 @pytest.mark.parametrize("name", BEHAVIOURS)
 @pytest.mark.parametrize("fault", ["blocked", "frozen"])
-def test_behaviours_of_an_arm_fail_with_the_joint_and_its_angles(tmp_path: Path, name: str, fault: str) -> None:
+def test_blocked_arm_joint_fails_the_behaviour_with_its_angles(tmp_path: Path, name: str, fault: str) -> None:
     given = [f"arm {fault} elbow_flex at 1 s"]
     if "leader" in BEHAVIOURS[name]:
         given.append("arm turned wrist_flex to 50 deg at 1.5 s")
@@ -83,7 +83,7 @@ def test_behaviours_of_an_arm_fail_with_the_joint_and_its_angles(tmp_path: Path,
 
 
 @pytest.mark.parametrize("name", ["move_joints", "sweep"])
-def test_a_joint_that_turns_the_wrong_way_ends_the_behaviour(tmp_path: Path, name: str) -> None:
+def test_reversed_joint_fails_the_behaviour(tmp_path: Path, name: str) -> None:
     found = ran(tmp_path, BEHAVIOURS[name], "arm reversed elbow_flex at 1 s")
     assert (found.result, "joint elbow_flex: commanded" in found.reason) == ("failure", True), found.reason
     assert found.seconds < 1.0 + ENDS_WITHIN
@@ -92,7 +92,7 @@ def test_a_joint_that_turns_the_wrong_way_ends_the_behaviour(tmp_path: Path, nam
 @pytest.mark.parametrize("robot", [NECK, ROS2_HEAD], ids=["neck", "ros2"])
 @pytest.mark.parametrize("name", LOOKS)
 @pytest.mark.parametrize("fault", ["blocked", "frozen", "reversed"])
-def test_behaviours_of_a_head_whose_servos_report_fail(tmp_path: Path, name: str, fault: str, robot: str) -> None:
+def test_faulty_head_with_feedback_fails_the_behaviour(tmp_path: Path, name: str, fault: str, robot: str) -> None:
     found = ran(tmp_path, LOOKS[name], f"head {fault} at 0.1 s", robot=robot)
     assert found.result == "failure", (found.result, found.reason)
     assert re.search("commanded|rests at|turned by", found.reason)
@@ -100,13 +100,13 @@ def test_behaviours_of_a_head_whose_servos_report_fail(tmp_path: Path, name: str
 
 
 @pytest.mark.parametrize("name", ["look", "nod"])
-def test_a_head_of_hobby_servos_says_that_its_success_was_not_measured(tmp_path: Path, name: str) -> None:
+def test_success_of_a_head_without_feedback_is_marked_unmeasured(tmp_path: Path, name: str) -> None:
     found = ran(tmp_path, LOOKS[name], "head blocked at 0.1 s", robot=HOBBY)
     assert found.result == "success"
     assert "(not measured)" in success_of(found)
 
 
-def test_a_head_whose_servos_report_says_no_such_thing(tmp_path: Path) -> None:
+def test_success_of_a_head_with_feedback_is_not_marked_unmeasured(tmp_path: Path) -> None:
     found = ran(tmp_path, LOOKS["look"], robot=NECK)
     assert found.result == "success"
     assert "measured" not in success_of(found)

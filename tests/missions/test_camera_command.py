@@ -37,7 +37,7 @@ def plugged_in(monkeypatch: pytest.MonkeyPatch, *devices: CameraDevice) -> None:
     monkeypatch.setattr(camera, "list_devices", lambda: list(devices))
 
 
-def test_list_names_the_cameras_and_what_to_type_next(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_list_shows_cameras_and_the_next_command(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     plugged_in(monkeypatch, CameraDevice(Path("/dev/video2"), "HD Webcam", ((640, 480), (1280, 720))))
     outcome = mission("robot", "camera", "list")
     assert outcome.code == 0
@@ -45,7 +45,7 @@ def test_list_names_the_cameras_and_what_to_type_next(mission: Mission, monkeypa
     assert "mission run greet --camera 2" in outcome.out
 
 
-def test_list_says_how_to_get_the_right_to_a_camera(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_list_hints_at_missing_permission(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     plugged_in(monkeypatch, CameraDevice(Path("/dev/video0"), "HD Webcam", trouble="permission denied"))
     monkeypatch.setattr(camera, "explain_denied", lambda path: ("no permission", f"ls -l {path}"))
     outcome = mission("robot", "camera", "list")
@@ -53,7 +53,7 @@ def test_list_says_how_to_get_the_right_to_a_camera(mission: Mission, monkeypatc
     assert "try: ls -l /dev/video0" in outcome.err
 
 
-def test_list_says_how_a_csi_camera_is_read(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_list_hints_at_reading_a_csi_camera(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     csi = CameraDevice(Path("/dev/video0"), "unicam-image", trouble=CSI_TROUBLE, csi=True)
     plugged_in(monkeypatch, csi)
     outcome = mission("robot", "camera", "list")
@@ -64,7 +64,7 @@ def test_list_says_how_a_csi_camera_is_read(mission: Mission, monkeypatch: pytes
     assert "mission run greet --camera 8" in mission("robot", "camera", "list").out
 
 
-def test_without_a_camera_list_fails_and_says_what_to_try(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_list_fails_with_a_hint_without_a_camera(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     plugged_in(monkeypatch)
     outcome = mission("robot", "camera", "list")
     assert (outcome.code, outcome.out) == (1, "")
@@ -72,7 +72,7 @@ def test_without_a_camera_list_fails_and_says_what_to_try(mission: Mission, monk
     assert "try: lsusb" in outcome.err
 
 
-def test_a_calibration_is_printed_as_a_robot_file_has_it_and_kept_on_request(mission: Mission, boards: Path) -> None:
+def test_calibration_is_printed_as_yaml_and_saved_on_request(mission: Mission, boards: Path) -> None:
     mine = Path("mine.yaml")
     mine.write_text("robot: mine\ncamera:\n  source: 0  # mine\n")
     outcome = mission("robot", "camera", "calibrate", str(boards), *BOARD)
@@ -105,16 +105,14 @@ def test_a_calibration_is_printed_as_a_robot_file_has_it_and_kept_on_request(mis
         (("absent", *BOARD, "--keep", "blind.yaml"), "blind has no camera"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_looked_at(
-    mission: Mission, arguments: tuple[str, ...], words: str
-) -> None:
+def test_calibrate_refuses_wrong_arguments_first(mission: Mission, arguments: tuple[str, ...], words: str) -> None:
     Path("blind.yaml").write_text("robot: blind\n")
     outcome = mission("robot", "camera", "calibrate", *arguments)
     assert outcome.code == 2
     assert words in outcome.err
 
 
-def test_a_wrong_board_fails_with_what_to_try(mission: Mission, boards: Path) -> None:
+def test_wrong_board_fails_with_a_hint(mission: Mission, boards: Path) -> None:
     one = str(boards / "00.png")
     outcome = mission("robot", "camera", "calibrate", one, "--board", "8x5", "--square", "25 mm")
     assert outcome.code == 1
@@ -122,7 +120,7 @@ def test_a_wrong_board_fails_with_what_to_try(mission: Mission, boards: Path) ->
     assert "is --board right?" in outcome.err
 
 
-def test_a_camera_that_is_not_there_is_a_device_error(mission: Mission) -> None:
+def test_calibration_with_a_missing_camera_is_a_device_error(mission: Mission) -> None:
     outcome = mission("robot", "camera", "calibrate", "97", *BOARD, "--seconds", "0.5")
     assert outcome.code == 3
     assert "/dev/video97: no such device" in outcome.err

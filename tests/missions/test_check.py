@@ -102,12 +102,12 @@ def test_a_whole_mission_becomes_a_plan() -> None:
 
 
 @pytest.mark.parametrize("form", ["- say: Hi", "- say: {text: Hi}", "- {say: Hi}", "- {say: {text: 'Hi'}}"])
-def test_a_leaf_takes_its_argument_with_or_without_its_name(form: str) -> None:
+def test_leaf_argument_may_be_named_or_not(form: str) -> None:
     assert value_of(only(form), "text") == "Hi"
 
 
 @pytest.mark.parametrize("form", ["- face_seen", "- face_seen:", "- face_seen: {}", "- {face_seen: null}"])
-def test_a_leaf_without_arguments_has_its_defaults(form: str) -> None:
+def test_leaf_without_arguments_has_defaults(form: str) -> None:
     assert only(form).arguments == {}
 
 
@@ -130,7 +130,7 @@ def test_expressions_over_params_are_known_at_once_and_the_rest_waits() -> None:
         assert value.template is not None
 
 
-def test_a_variable_that_nothing_before_sets_is_a_mistake_in_the_first_round_of_a_loop_too() -> None:
+def test_unset_variable_is_reported_also_in_the_first_round_of_a_loop() -> None:
     lines = ("- say: ${visitor.id} ${count}", "- find_face:", "  as: visitor", "- set: {count: 1}")
     with pytest.raises(InvalidFileError) as caught:
         check(steps(*lines))
@@ -159,7 +159,7 @@ def test_a_variable_that_nothing_before_sets_is_a_mistake_in_the_first_round_of_
         ("12:30",) * 2,
     ],
 )
-def test_a_text_is_said_as_it_is_written(written: str, said: str) -> None:
+def test_text_is_spoken_as_written(written: str, said: str) -> None:
     assert value_of(only(f"- say: {written}"), "text") == said
 
 
@@ -184,12 +184,12 @@ def test_a_variable_takes_anything(written: str, stored: object) -> None:
 
 
 @pytest.mark.parametrize("count", ["3", "3.0", "${n + 1}", "${6 / n}"])
-def test_a_count_is_a_whole_number_however_it_is_written(count: str) -> None:
+def test_count_is_converted_to_int(count: str) -> None:
     found = value_of(only("- wait: 1 s", f"  repeat: {count}"), "value")
     assert (found, type(found)) == (3, int)
 
 
-def test_what_the_checker_and_the_executive_know_is_the_same() -> None:
+def test_checker_and_executive_have_the_same_nodes_and_state() -> None:
     assert NODES.keys() == NODE_CLASSES.keys()
     state = state_of(Robot(None, None, None, None, None), ManualClock())
     assert state.keys() == STATE_KINDS.keys()
@@ -551,7 +551,7 @@ UNITS = "(units: deg, rad)"
         (["- say: |", "    so ${m}"], "|", "'say': unknown name 'm'", NAMES),
     ],
 )
-def test_a_mistake_is_told_under_its_word(lines: list[str], under: str, message: str, suggestion: str) -> None:
+def test_mistake_is_reported_at_its_word(lines: list[str], under: str, message: str, suggestion: str) -> None:
     ((line, found, said, hint),) = mistakes(steps(*lines))
     assert (found, said, hint) == (under, message, suggestion)
     assert 5 <= line < 5 + len(lines)
@@ -569,11 +569,11 @@ def test_a_mistake_is_told_under_its_word(lines: list[str], under: str, message:
         ["- selector:", "    - say: a", "      if: n > 1", "      invert: true", "    - say: b"],
     ],
 )
-def test_what_may_be_so_is_no_mistake(lines: list[str]) -> None:
+def test_valid_steps_pass_the_check(lines: list[str]) -> None:
     assert check(steps(*lines)).mission == "m"
 
 
-def test_a_variable_that_a_mission_inside_may_set_holds_anything(tmp_path: Path) -> None:
+def test_variable_that_a_submission_may_set_has_any_type(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text(
         "mission: inner\ntree:\n  find_object: red ball\n  as: b\nreturns: {p: b}\n", encoding="utf-8"
     )
@@ -638,18 +638,18 @@ def test_all_mistakes_come_at_once_in_the_order_of_the_file() -> None:
     ]
 
 
-def test_a_mistake_that_an_alias_repeats_is_told_once() -> None:
+def test_mistake_repeated_by_a_yaml_alias_is_reported_once() -> None:
     assert len(mistakes(steps("- &it {turn: 90}", "- *it"))) == 1
 
 
-def test_a_file_with_very_many_mistakes_is_not_read_to_its_end() -> None:
+def test_number_of_diagnostics_is_limited() -> None:
     assert len(mistakes(steps(*["- nonsense"] * 10_000))) == MAX_DIAGNOSTICS
 
 
 TOO_DEEP = f"nested too deeply: at most {MAX_DEPTH} steps, modifiers and sub-missions counted"
 
 
-def test_a_tree_that_is_too_deep_to_be_ticked_is_refused() -> None:
+def test_too_deep_tree_is_refused() -> None:
     beside = "timeout: 1 s, retry: 1, repeat: 1, invert: true, hold: 1 s"
     deep = "{sequence: [" * 20 + "{say: Hi}" + f"], {beside}}}" * 20
     ((line, _, message, _),) = mistakes(steps(f"- {deep}"))
@@ -657,7 +657,7 @@ def test_a_tree_that_is_too_deep_to_be_ticked_is_refused() -> None:
 
 
 @pytest.mark.parametrize("within", [1, 20])
-def test_a_chain_of_missions_that_is_too_deep_is_refused(tmp_path: Path, within: int) -> None:
+def test_too_deep_chain_of_submissions_is_refused(tmp_path: Path, within: int) -> None:
     for place in range(500 // within):
         tree = "{sequence: [" * within + f"{{mission: m{place + 1}.yaml}}" + "]}" * within
         (tmp_path / f"m{place}.yaml").write_text(f"mission: m\ntree: {tree}\n", encoding="utf-8")
@@ -666,7 +666,7 @@ def test_a_chain_of_missions_that_is_too_deep_is_refused(tmp_path: Path, within:
     assert TOO_DEEP in [fault.message for fault in caught.value.diagnostics]
 
 
-def test_a_mission_is_read_from_its_file(tmp_path: Path) -> None:
+def test_mission_file_with_bom_and_crlf_is_read(tmp_path: Path) -> None:
     file = tmp_path / "wait.yaml"
     file.write_bytes(b"\xef\xbb\xbfmission: wait a moment\r\ntree:\r\n  wait: 1 s\r\n")
     plan = load_plan(file, LEAVES, LOOKUPS)
@@ -715,7 +715,7 @@ KEYS = st.sampled_from([*LEAVES, *COMPOSITES, *MODIFIERS, "as", "name", "nonsens
 
 
 @given(st.lists(st.lists(st.tuples(KEYS, VALUES), min_size=1, max_size=4), min_size=1, max_size=4))
-def test_any_keys_with_any_values_are_a_mission_or_say_why_not(nodes: list[list[tuple[str, str]]]) -> None:
+def test_random_nodes_are_valid_or_give_diagnostics(nodes: list[list[tuple[str, str]]]) -> None:
     lines = []
     for node in nodes:
         lines += [("- " if place == 0 else "  ") + f"{key}: {value}" for place, (key, value) in enumerate(node)]
@@ -730,7 +730,7 @@ LINES = GREET.splitlines()
         st.tuples(st.integers(0, len(LINES) - 1), st.sampled_from(["delete", "double", "swap", "indent"])), max_size=4
     )
 )
-def test_greet_with_its_lines_shuffled_is_a_mission_or_says_why_not(edits: list[tuple[int, str]]) -> None:
+def test_shuffled_mission_is_valid_or_gives_diagnostics(edits: list[tuple[int, str]]) -> None:
     lines = list(LINES)
     for place, edit in edits:
         at = place % len(lines)
@@ -752,7 +752,7 @@ def test_greet_with_its_lines_shuffled_is_a_mission_or_says_why_not(edits: list[
         max_size=3,
     )
 )
-def test_greet_with_characters_exchanged_is_a_mission_or_says_why_not(edits: list[tuple[int, int, str]]) -> None:
+def test_mission_with_replaced_characters_is_valid_or_gives_diagnostics(edits: list[tuple[int, int, str]]) -> None:
     text = GREET
     for at, length, instead in edits:
         text = text[:at] + instead + text[at + length :]

@@ -27,7 +27,7 @@ def mission(folder: Path, step: str) -> Path:
         ("led: off", "colour", "off"),
     ],
 )
-def test_one_of_the_words_is_taken_as_it_is_written(tmp_path: Path, step: str, name: str, word: str) -> None:
+def test_choice_accepts_each_of_its_words(tmp_path: Path, step: str, name: str, word: str) -> None:
     (value,) = (
         value
         for read in load_mission(str(mission(tmp_path, step))).tree.walk()
@@ -38,7 +38,7 @@ def test_one_of_the_words_is_taken_as_it_is_written(tmp_path: Path, step: str, n
 
 
 @pytest.mark.parametrize("wrong", ["lefft", "true", "7"])
-def test_another_word_is_a_mistake_that_tells_which_there_are(tmp_path: Path, wrong: str) -> None:
+def test_wrong_choice_lists_the_valid_words(tmp_path: Path, wrong: str) -> None:
     with pytest.raises(InvalidFileError, match=f"needs one of any, left, centre, right, got '{wrong}'"):
         load_mission(str(mission(tmp_path, f"bumped: {wrong}")))
 

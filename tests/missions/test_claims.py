@@ -35,7 +35,7 @@ def the_fault(tree: str, parts: frozenset[str] = WHOLE) -> Diagnostic:
 
 
 @pytest.mark.parametrize("together", ["parallel", "race"])
-def test_two_that_can_drive_one_part_at_a_time_are_told_with_both_lines(together: str) -> None:
+def test_claim_conflict_is_reported_with_both_lines(together: str) -> None:
     fault = the_fault(f"  {together}:\n    - drive: 1 m\n    - say: Hi\n    - turn: 9 deg\n")
     assert fault.message == "'turn' and 'drive' (line 4) can both drive the base at the same time"
     assert (fault.mark.line, fault.mark.column, fault.mark.length) == (6, 7, 4)
@@ -77,7 +77,7 @@ def test_missing_part_of_a_recovery_is_no_alternative_of_a_selector() -> None:
     assert the_fault(tree, frozenset({"base", "voice"})).message.startswith("'look' needs a head")
 
 
-def test_every_part_and_every_later_claimant_is_told() -> None:
+def test_claim_conflicts_are_reported_for_every_part_and_claimant() -> None:
     found = faults("  parallel:\n    - track_face\n    - look: 9 deg\n    - drive: 1 m\n    - find_face\n")
     assert [(fault.mark.line, fault.message) for fault in found] == [
         (5, "'look' and 'track_face' (line 4) can both drive the head at the same time"),
@@ -87,7 +87,7 @@ def test_every_part_and_every_later_claimant_is_told() -> None:
 
 
 @pytest.mark.parametrize("apart", ["sequence", "selector", "reactive_sequence", "reactive_selector"])
-def test_what_never_runs_at_the_same_time_may_share_a_part(apart: str) -> None:
+def test_leaves_that_never_run_together_may_share_a_part(apart: str) -> None:
     plan = check(f"  {apart}:\n    - drive: 1 m\n    - turn: 9 deg\n")
     assert plan.tree.claims == {"base"}
 
@@ -109,7 +109,7 @@ def test_conflicts_within_a_branch_of_a_branch_are_found_once() -> None:
         ("face_seen: 1 s", "camera", "'face_seen' needs a camera; robot 'r2' has none (it has arm, base, head, voice)"),
     ],
 )
-def test_what_the_robot_lacks_is_told_under_the_leaf(leaf: str, part: str, message: str) -> None:
+def test_missing_part_is_reported_at_the_leaf(leaf: str, part: str, message: str) -> None:
     tree = f"  selector:\n    - succeed\n    - {leaf}\n      invert: true\n"
     check(tree)
     fault = the_fault(tree, WHOLE - {part})
@@ -117,7 +117,7 @@ def test_what_the_robot_lacks_is_told_under_the_leaf(leaf: str, part: str, messa
     assert (fault.mark.line, fault.mark.length) == (5, len(leaf.partition(":")[0]))
 
 
-def test_a_robot_with_nothing_is_told_so() -> None:
+def test_missing_voice_of_a_robot_without_parts_is_reported() -> None:
     fault = the_fault("  say: Hi\n", frozenset())
     assert fault.message == "'say' needs a voice; robot 'r2' has none (it has nothing)"
 
@@ -126,7 +126,7 @@ def test_a_face_can_be_tracked_without_a_base() -> None:
     assert check("  track_face\n", frozenset({"camera", "head"})).tree.needs == {"camera", "head"}
 
 
-def test_greet_says_everything_that_a_bare_base_lacks() -> None:
+def test_all_missing_parts_are_reported_for_greet_on_a_bare_base() -> None:
     found = faults(GREET, frozenset({"base"}))
     assert [(fault.mark.line, fault.message.partition(";")[0]) for fault in found] == [
         (12, "'find_face' needs a camera"),
@@ -157,13 +157,13 @@ def necked(*children: str) -> list[str]:
     return []
 
 
-def test_a_joint_of_the_neck_is_not_moved_while_another_turns_the_head() -> None:
+def test_neck_joint_conflicts_with_a_leaf_that_turns_the_head() -> None:
     moved = "moves joint 'neck_pan' of the head, which 'look' (line 4) can turn at the same time"
     assert necked("look: 9 deg", "sweep: {joints: [neck_pan], between: [-9 deg, 9 deg]}") == [f"'sweep' {moved}"]
     assert necked("look: 9 deg", "move_joints: {to: {neck_pan: 9 deg}}") == [f"'move_joints' {moved}"]
 
 
-def test_other_joints_are_moved_while_another_turns_the_head() -> None:
+def test_other_joints_do_not_conflict_with_the_head() -> None:
     assert necked("look: 9 deg", "move_joints: {to: {left_elbow: 9 deg}}") == []
     assert necked("wait: 1 s", "move_joints: {to: {neck_pan: 9 deg}}") == []
 
@@ -188,7 +188,7 @@ ROBOTS = {
 
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize(("capability", "leaf"), [(name, leaf) for name, leaves in NEEDING.items() for leaf in leaves])
-def test_a_leaf_is_refused_on_a_base_without_its_capability(robot: str, capability: str, leaf: str) -> None:
+def test_leaf_is_refused_on_a_base_without_its_capability(robot: str, capability: str, leaf: str) -> None:
     target = target_of(load_robot(find_file("robots", robot)))
     text = SourceText("m.yaml", f"mission: m\ntree:\n  sequence:\n    - {leaf}\n")
     if capability in ROBOTS[robot]:
@@ -201,11 +201,11 @@ def test_a_leaf_is_refused_on_a_base_without_its_capability(robot: str, capabili
     assert fault.message == f"'{word}' needs {capability}: robot '{robot}' has no {capability}"
 
 
-def test_without_a_base_the_base_is_named_and_not_its_capability() -> None:
+def test_missing_base_is_reported_instead_of_its_capability() -> None:
     assert "needs a base" in the_fault("  sound: error\n", frozenset({"head"})).message
 
 
-def test_an_alternative_that_needs_a_missing_capability_is_a_hint() -> None:
+def test_selector_child_without_capability_is_a_hint() -> None:
     target = target_of(load_robot(find_file("robots", "pi_car")))
     text = SourceText("m.yaml", "mission: m\ntree:\n  selector:\n    - sound: error\n    - wait: 1 s\n")
     plan = check_plan(text, LEAVES, LOOKUPS, robot=target)

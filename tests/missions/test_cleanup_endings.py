@@ -185,7 +185,7 @@ def test_finally_runs_and_moves_nothing_at_each_way_to_end(way: str, tmp_path: P
     assert ended.violations == []
 
 
-def test_the_liar_moves_the_robot_where_it_may(tmp_path: Path) -> None:
+def test_unclaimed_leaf_moves_the_robot_during_the_mission(tmp_path: Path) -> None:
     ended = ending(tmp_path, "sequence: [{liar: , timeout: 1 s}], on_failure: succeed", ENDINGS["success"][1])
     lines = {event.text for event in ended.before if isinstance(event, Logged)}
     assert "moved" in lines
@@ -204,7 +204,7 @@ def test_cleanup_of_a_preempted_node_ends_before_the_next_one_drives(tmp_path: P
     assert not [event for event in sent if liar[0] < event.t < liar[-1] and any(event.values.values())]
 
 
-def test_final_halt_cuts_a_cleanup_that_takes_too_long(tmp_path: Path) -> None:
+def test_final_halt_ends_a_slow_cleanup_after_the_halt_timeout(tmp_path: Path) -> None:
     body = "timeout: 2 s, expect: {result: running}"
     ended = ending(tmp_path, "drive: 20 m", body, "{sequence: [{log: begin}, {liar: }]}", ", halt_limit: 10 s")
     assert ended.seconds == pytest.approx(2.0 + HALT_TIMEOUT, abs=0.3)

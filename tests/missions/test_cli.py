@@ -39,7 +39,7 @@ def write(name: str, tree: str) -> str:
     return name
 
 
-def test_help_names_every_command_and_imports_none_of_them() -> None:
+def test_help_lists_every_command_without_heavy_imports() -> None:
     code = (
         "import sys, missions.__main__ as m; sys.argv = ['mission', '--help']\ntry: m.main()\nexcept SystemExit: pass\n"
     )
@@ -50,7 +50,7 @@ def test_help_names_every_command_and_imports_none_of_them() -> None:
 
 
 @pytest.mark.parametrize(("given", "kept"), [("", "4"), ("20", "20")])
-def test_threads_of_openblas_sleep_at_once_unless_somebody_wants_it_otherwise(given: str, kept: str) -> None:
+def test_openblas_thread_timeout_is_set_unless_given(given: str, kept: str) -> None:
     code = "import os, sys, missions.__main__ as m; sys.argv = ['mission', '--version']\n"
     code += "try: m.main()\nexcept SystemExit: print(os.environ['OPENBLAS_THREAD_TIMEOUT'])"
     others = {name: value for name, value in os.environ.items() if name != "OPENBLAS_THREAD_TIMEOUT"}
@@ -59,7 +59,7 @@ def test_threads_of_openblas_sleep_at_once_unless_somebody_wants_it_otherwise(gi
     assert done.stdout.split()[-1] == kept
 
 
-def test_every_command_has_help_of_its_own(mission: Mission) -> None:
+def test_every_command_has_its_own_help(mission: Mission) -> None:
     for name, _ in declared_commands():
         outcome = mission(*name.split(), "--help")
         assert outcome.code == 0
@@ -67,13 +67,13 @@ def test_every_command_has_help_of_its_own(mission: Mission) -> None:
         assert "\\" not in outcome.out, name
 
 
-def test_a_misspelt_command_is_a_usage_error_that_names_it(mission: Mission) -> None:
+def test_misspelt_command_is_a_usage_error(mission: Mission) -> None:
     outcome = mission("rum", "greet")
     assert outcome.code == 2
     assert "'rum'" in outcome.err
 
 
-def test_an_unknown_mission_suggests_the_one_that_was_meant(mission: Mission) -> None:
+def test_unknown_mission_gives_a_suggestion(mission: Mission) -> None:
     outcome = mission("run", "gret")
     assert (outcome.code, outcome.err) == (2, "mission: unknown mission 'gret'; did you mean 'greet'?\n")
 
@@ -88,7 +88,7 @@ def test_an_unknown_robot_world_param_and_part_are_usage_errors(mission: Mission
     assert mission("run", "greet", "--param", "patience").code == 2
 
 
-def test_check_tells_all_mistakes_of_all_files_and_exits_with_2(mission: Mission) -> None:
+def test_check_reports_all_mistakes_of_all_files_and_exits_with_2(mission: Mission) -> None:
     write("one.yaml", "  sequence:\n    - tyrn: 90 deg\n    - wait: 3\n")
     write("two.yaml", "  wiat: 3 s\n")
     outcome = mission("check", "one.yaml", "two.yaml", "greet")
@@ -111,7 +111,7 @@ def test_check_of_a_folder_checks_every_mission_in_it(mission: Mission) -> None:
     assert "bad.yaml:3:3" in outcome.err
 
 
-def test_where_no_robot_is_named_check_finds_what_the_usual_one_cannot_do(mission: Mission) -> None:
+def test_check_without_a_robot_uses_the_default_robot(mission: Mission) -> None:
     write("knee.yaml", "  move_joints: {to: {right_elbow: 10 deg}}\n")
     write("toe.yaml", "  move_joints: {to: {left_toe: 10 deg}}\n")
     write("wave.yaml", "  gesture: wave\n")
@@ -128,12 +128,12 @@ def test_where_no_robot_is_named_check_finds_what_the_usual_one_cannot_do(missio
     assert mission("run", "knee.yaml").code == 2, "a run takes the usual robot too"
 
 
-def test_what_ships_for_another_robot_is_good_and_says_for_which(mission: Mission) -> None:
+def test_check_of_a_shipped_gesture_mission_names_its_robot(mission: Mission) -> None:
     outcome = mission("check", "wave")
     assert (outcome.code, outcome.out) == (0, "wave: good (wave, 5 nodes, for robot 'humanoid')\n")
 
 
-def test_a_mission_that_the_robot_cannot_do_does_not_run(mission: Mission) -> None:
+def test_mission_that_the_robot_cannot_do_is_refused(mission: Mission) -> None:
     Path("legless.yaml").write_text("robot: legless\nvoice: {driver: print}\n")
     outcome = mission("run", "greet", "--robot", "legless.yaml", "--simulate")
     assert outcome.code == 2
@@ -151,23 +151,21 @@ def test_the_json_summary_is_the_last_line_and_alone_on_stdout(mission: Mission)
     assert "one" in outcome.err
 
 
-def test_a_failure_gives_1_and_its_reason(mission: Mission) -> None:
+def test_failed_run_exits_with_1_and_a_reason(mission: Mission) -> None:
     write("bad.yaml", "  sequence:\n    - succeed\n    - fail: out of biscuits\n")
     outcome = mission("run", "bad.yaml", "--json")
     assert outcome.code == 1
     assert events_of(outcome.out.splitlines())[0]["reason"] == "out of biscuits"
 
 
-def test_a_mistake_gives_2_and_still_a_summary_for_programs(mission: Mission) -> None:
+def test_invalid_mission_exits_with_2_and_a_json_summary(mission: Mission) -> None:
     write("bad.yaml", "  suceed\n")
     outcome = mission("run", "bad.yaml", "--json")
     assert outcome.code == 2
     assert events_of(outcome.out.splitlines())[0]["result"] == "error"
 
 
-def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(
-    mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_device_exits_with_3_and_a_hint(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.assembly.assembled_robot.CONNECT_TIMEOUT", 0.5)
     Path("far.yaml").write_text("robot: far\nbase: {driver: kobuki, port: /dev/no_such_base}\n")
     write("go.yaml", "  drive: 1 m\n")
@@ -178,7 +176,7 @@ def test_a_robot_that_is_not_there_gives_3_and_says_what_to_try(
     assert events_of(outcome.out.splitlines())[0]["result"] == "error"
 
 
-def test_the_events_tell_the_whole_story_in_order(mission: Mission) -> None:
+def test_events_file_has_all_events_in_order(mission: Mission) -> None:
     write("story.yaml", "  sequence:\n    - pretend: [running, success]\n      name: first\n    - say: hi\n")
     assert mission("run", "story.yaml", "--events", "story.jsonl").code == 0
     events = events_of(Path("story.jsonl").read_text().splitlines())
@@ -202,13 +200,13 @@ def test_the_events_tell_the_whole_story_in_order(mission: Mission) -> None:
     assert ticks == list(range(1, len(ticks) + 1))
 
 
-def test_events_that_cannot_be_written_are_a_usage_error(mission: Mission) -> None:
+def test_unwritable_events_file_is_a_usage_error(mission: Mission) -> None:
     outcome = mission("run", "greet", "--events", "no/such/folder/e.jsonl")
     assert outcome.code == 2
     assert "there is no folder" in outcome.err
 
 
-def test_the_catalogue_names_every_leaf_with_its_arguments_units_and_claims(mission: Mission) -> None:
+def test_catalogue_lists_leaves_with_arguments_units_and_claims(mission: Mission) -> None:
     listed = mission("list", "behaviours").out
     assert all(word in listed for word in LEAVES)
     one = mission("show", "behaviour", "drive").out
@@ -220,14 +218,14 @@ def test_the_catalogue_names_every_leaf_with_its_arguments_units_and_claims(miss
     assert entries["find_face"]["claims"] == ["head"]
 
 
-def test_every_leaf_and_argument_says_what_it_is_for() -> None:
+def test_every_leaf_and_argument_has_help() -> None:
     for word, leaf in LEAVES.items():
         assert leaf.tag == word
         assert (leaf.__doc__ or "").strip(), word
         assert all(argument.help for argument in leaf.arguments.values()), word
 
 
-def test_an_unknown_behaviour_in_the_catalogue_suggests_another(mission: Mission) -> None:
+def test_unknown_behaviour_gives_a_suggestion(mission: Mission) -> None:
     outcome = mission("show", "behaviour", "trak_face")
     assert outcome.code == 2
     assert "did you mean 'track_face'?" in outcome.err
@@ -254,7 +252,7 @@ def test_see_finds_exactly_the_one_face_of_the_astronaut(mission: Mission) -> No
     assert (drawn != plain).any()
 
 
-def test_see_says_what_is_wrong_with_a_file(mission: Mission) -> None:
+def test_see_refuses_missing_and_undecodable_files(mission: Mission) -> None:
     Path("note.txt").write_text("hello")
     Path("broken.jpg").write_bytes(b"no picture")
     for name, words in (("absent.png", "no such file"), ("broken.jpg", "cannot be decoded")):
@@ -264,7 +262,7 @@ def test_see_says_what_is_wrong_with_a_file(mission: Mission) -> None:
         assert "Traceback" not in outcome.err
 
 
-def test_another_program_can_use_the_virtual_servos(tmp_path: Path) -> None:
+def test_dynamixel_sdk_can_use_the_virtual_servos(tmp_path: Path) -> None:
     process = Process("simulate", "--state", "0.1", folder=tmp_path)
     ports = json.loads(process.wait_for_line(lambda line: line.startswith("{")))["ports"]
     assert ports.keys() == {"base", "head", "arm"}
@@ -279,7 +277,7 @@ def test_another_program_can_use_the_virtual_servos(tmp_path: Path) -> None:
     assert process.end(signal.SIGTERM) == 0
 
 
-def test_the_guard_names_a_module_that_hides_one_of_ours(tmp_path: Path) -> None:
+def test_foreign_module_that_shadows_ours_is_named(tmp_path: Path) -> None:
     (tmp_path / "config.py").write_text("# somebody else's\n")
     done = subprocess.run(
         [sys.executable, "-m", "missions", "list"], cwd=tmp_path, capture_output=True, text=True, check=False
@@ -290,7 +288,7 @@ def test_the_guard_names_a_module_that_hides_one_of_ours(tmp_path: Path) -> None
     assert "Traceback" not in done.stderr
 
 
-def test_the_rules_for_serial_ports_come_with_the_package_and_say_how_to_install_them(mission: Mission) -> None:
+def test_udev_rules_are_printed_with_the_install_command(mission: Mission) -> None:
     outcome = mission("robot", "udev")
     assert outcome.code == 0
     assert all(word in outcome.out for word in ('SYMLINK+="kobuki"', 'SYMLINK+="rplidar"', "latency_timer"))
@@ -298,7 +296,7 @@ def test_the_rules_for_serial_ports_come_with_the_package_and_say_how_to_install
     assert "mission robot udev | sudo tee /etc/udev/rules.d/99-missiontree.rules" in outcome.err
 
 
-def test_the_demo_installs_what_the_package_needs_and_no_tools() -> None:
+def test_demo_installs_only_runtime_dependencies() -> None:
     root = Path(__file__).parents[2]
     done = subprocess.run(["make", "-C", str(root), "-pn"], capture_output=True, text=True, check=False).stdout
     named = set(next(line for line in done.splitlines() if line.startswith("DEMO := ")).split()[2:])
@@ -314,13 +312,13 @@ def test_the_demo_installs_what_the_package_needs_and_no_tools() -> None:
     assert named <= pinned
 
 
-def test_behind_each_gesture_stand_the_robots_that_can_do_it(mission: Mission) -> None:
+def test_list_gestures_shows_their_robots(mission: Mission) -> None:
     lines = {line.split()[0]: line for line in mission("list", "gestures").out.splitlines()[1:]}
     assert lines["wave"].endswith("(humanoid)")
     assert lines["greeting"].endswith("(turtlebot2_arm)")
 
 
-def test_a_robot_of_ones_own_stands_behind_a_gesture_with_the_arm_that_can_do_it(mission: Mission) -> None:
+def test_list_gestures_shows_own_robots_with_the_arm(mission: Mission) -> None:
     folder = config_folder() / "robots"
     folder.mkdir(parents=True)
     arm = find_file("robots", "so101").read_text().partition("\narm:\n")[2].partition("\nvoice:")[0]
@@ -331,7 +329,7 @@ def test_a_robot_of_ones_own_stands_behind_a_gesture_with_the_arm_that_can_do_it
     assert lines["arm_wave"].endswith("(koch, so101, so101_leader, pair on: right_arm)")
 
 
-def test_the_last_line_of_a_command_names_the_files_that_it_has_written(mission: Mission) -> None:
+def test_last_output_line_names_the_written_files(mission: Mission) -> None:
     write("hello.yaml", "  wait: 0.1 s\n")
     Path("hello.test.yaml").write_text("tests: hello.yaml\ncases:\n  - case: it ends\n    expect: {result: success}\n")
     record = ("--record", "r.mcap", "--events", "e.jsonl")
@@ -367,7 +365,7 @@ class Rubbish(Leaf):
 '''
 
 
-def test_what_a_run_was_built_of_is_not_searched_for_rubbish_in_its_ticks(tmp_path: Path) -> None:
+def test_garbage_collector_skips_objects_built_before_the_ticks(tmp_path: Path) -> None:
     (tmp_path / "leaves.py").write_text(RUBBISH)
     (tmp_path / "m.yaml").write_text("mission: m\ntree: rubbish\n")
     words = [sys.executable, "-m", "missions", "run", "m.yaml", "--behaviours", "leaves.py", "--simulate", "fast"]

@@ -97,28 +97,28 @@ def test_a_square_of_three_metres_closes_within_two_centimetres_and_half_a_degre
     assert ended.degrees == pytest.approx(360.0, abs=0.5)
 
 
-def test_with_slip_and_delay_a_drive_ends_and_tells_what_odometry_believes(step: Steps) -> None:
+def test_drive_with_slip_and_lag_ends_by_odometry(step: Steps) -> None:
     ended = run(step(drive="1 m"), hall(slip=0.05, lag=0.1))
     assert ended.result.result == "success"
     assert ended.found == pytest.approx(1.0, abs=0.01)
     assert ended.pose.x == pytest.approx(0.95, abs=0.01)
 
 
-def test_with_slip_and_delay_the_square_ends_and_odometry_believes_that_it_closes() -> None:
+def test_square_with_slip_and_lag_closes_by_odometry() -> None:
     ended = run("square_3m", hall(slip=0.05, lag=0.1), robot="turtlebot2")
     assert ended.result.result == "success"
     ahead, left = map(float, re.findall(r"-?[0-9.]+(?= m)", ended.said))
     assert math.hypot(ahead, left) < 0.02
 
 
-def test_a_place_is_driven_to_with_its_heading(step: Steps) -> None:
+def test_go_to_reaches_position_and_heading(step: Steps) -> None:
     ended = run(step(go_to={"x": "1.5 m", "y": "-0.8 m", "heading": "90 deg"}), hall(lag=0.1))
     assert ended.result.result == "success"
     assert math.hypot(ended.pose.x - 1.5, ended.pose.y + 0.8) < 0.025
     assert ended.degrees == pytest.approx(90.0, abs=0.5)
 
 
-def test_an_arc_ends_where_its_circle_leads(step: Steps) -> None:
+def test_arc_ends_on_its_circle(step: Steps) -> None:
     ended = run(step(arc={"radius": "1 m", "angle": "180 deg"}), hall())
     assert ended.result.result == "success"
     assert math.hypot(ended.pose.x, ended.pose.y - 2.0) < 0.03

@@ -43,7 +43,7 @@ RULES = Rules(max_text=8, max_members=3)
 TREE = Node("a", "x", 3, 0.5, Level.HIGH, "right", (1.0, 2.0), {"on": True}, (Node("b"),))
 
 
-def test_a_value_comes_back_as_it_was_and_is_as_its_schema_says() -> None:
+def test_encoded_value_round_trips_and_matches_its_schema() -> None:
     written = encode(TREE, RULES)
     assert (written["as"], written["title"], "keep_as" in written) == ("x", "A", False)
     assert decode(Node, written, RULES) == TREE
@@ -51,7 +51,7 @@ def test_a_value_comes_back_as_it_was_and_is_as_its_schema_says() -> None:
     jsonschema.Draft202012Validator(schema).validate({**written, "place": [1.0, 2.0]})
 
 
-def test_members_that_are_none_are_left_out_where_the_rules_say_so() -> None:
+def test_none_members_are_omitted_by_rule() -> None:
     assert "place" not in encode(Node("b"), Rules(omit_none=True))
 
 
@@ -83,13 +83,13 @@ def test_members_that_are_none_are_left_out_where_the_rules_say_so() -> None:
         ({"name": "a", "children": [{"name": "b", "children": [{"name": 1}]}]}, "'children.children.name' must be"),
     ],
 )
-def test_other_data_is_refused_with_the_member_that_is_wrong(wrong: Any, said: str) -> None:
+def test_wrong_data_is_refused_with_the_wrong_member(wrong: Any, said: str) -> None:
     with pytest.raises(CodecError) as caught:
         decode(Node, wrong, RULES)
     assert said in str(caught.value)
 
 
-def test_a_misspelt_member_is_asked_about() -> None:
+def test_misspelt_member_gives_a_suggestion() -> None:
     with pytest.raises(CodecError) as caught:
         decode(Node, {"nam": "a"}, RULES)
     assert caught.value.hint == "did you mean 'name'?"

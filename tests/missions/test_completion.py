@@ -102,7 +102,7 @@ def test_a_true_bash_completes_commands_missions_robots_gestures_params_and_peop
 
 
 @pytest.mark.skipif(BASH is None, reason="there is no bash")
-def test_complete_knows_the_function_that_was_installed(home: Path, typed: Callable[..., list[str]]) -> None:
+def test_bash_has_the_installed_completion_function(home: Path, typed: Callable[..., list[str]]) -> None:
     del typed
     assert BASH is not None
     told = subprocess.run(
@@ -111,9 +111,7 @@ def test_complete_knows_the_function_that_was_installed(home: Path, typed: Calla
     assert told.stdout == "complete -o nosort -F _mission_completion mission\n"
 
 
-def test_installing_twice_adds_one_line_and_its_last_line_says_what_was_written(
-    home: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_second_completion_install_adds_no_second_line(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (home / ".zshrc").write_text("alias ll='ls -l'")
     outcomes = [command(capsys, "completion", "install", "--shell", "zsh") for _ in range(2)]
     script_file = home / ".local/share/missiontree/completion.zsh"
@@ -124,7 +122,7 @@ def test_installing_twice_adds_one_line_and_its_last_line_says_what_was_written(
     assert (home / ".zshrc").read_text() == f"alias ll='ls -l'\n[ -r {script_file} ] && . {script_file}\n"
 
 
-def test_the_shell_is_that_of_the_environment_and_another_is_told(
+def test_completion_install_uses_the_shell_of_the_environment(
     home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("SHELL", "/usr/bin/fish")
@@ -178,7 +176,7 @@ def test_tasks_runs_and_files_of_ones_own_are_offered(capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize("path", ALL, ids=lambda path: " ".join(path) or "mission")
-def test_each_option_that_takes_a_robot_a_world_or_params_completes_them(path: tuple[str, ...]) -> None:
+def test_options_for_names_and_params_have_completion(path: tuple[str, ...]) -> None:
     for param in (each for each in ALL[path].params if not getattr(each, "is_flag", False)):
         if {"--robot", "--world", "--controller", "--mission"} & set(param.opts):
             assert isinstance(param.type, NameType), param.opts

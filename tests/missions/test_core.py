@@ -56,7 +56,7 @@ def core(tmp_path_factory: pytest.TempPathFactory) -> Core:
     return Core(tmp_path_factory.mktemp("core"), plugins=False)
 
 
-def test_the_core_has_its_own_commands_alone(core: Core) -> None:
+def test_core_has_only_its_own_commands(core: Core) -> None:
     code, out, err = core.run("--help")
     assert (code, err) == (0, "")
     assert [line.split()[0] for line in out.splitlines() if line.startswith("  ") and line.split()[0] in COMMANDS]
@@ -99,7 +99,7 @@ def test_the_core_works_without_plug_ins(core: Core, arguments: Sequence[str], s
     ],
     ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
 )
-def test_the_core_names_the_plug_in_that_is_missing(core: Core, arguments: Sequence[str], needs: str) -> None:
+def test_core_names_the_missing_plugin(core: Core, arguments: Sequence[str], needs: str) -> None:
     code, _, err = core.run(*arguments)
     assert code == 2
     assert needs in err
@@ -204,9 +204,7 @@ def plugins_among(modules: set[str]) -> set[str]:
     ],
     ids=lambda each: " ".join(each) if isinstance(each, tuple) else "",
 )
-def test_a_start_imports_only_the_plug_ins_that_it_asks_for(
-    tmp_path: Path, arguments: Sequence[str], asked: set[str]
-) -> None:
+def test_start_imports_only_the_plugins_in_use(tmp_path: Path, arguments: Sequence[str], asked: set[str]) -> None:
     modules = modules_of(tmp_path, *(str(tmp_path / "a.mcap") if each == "RECORD" else each for each in arguments))
     assert plugins_among(modules) <= asked
     if "turtlebot2" in arguments:
@@ -215,7 +213,7 @@ def test_a_start_imports_only_the_plug_ins_that_it_asks_for(
         assert not {"missions.plugins", "missions.library.vocabulary", "py_trees"} & modules
 
 
-def test_each_plug_in_declares_what_it_imports() -> None:
+def test_each_plugin_declares_its_dependencies() -> None:
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
     held = next(each for each in contracts if each["name"].startswith("a plug-in imports the core"))
     assert {name.rpartition(".")[2] for name in held["modules"]} == {plugin.name for plugin in PLUGINS}

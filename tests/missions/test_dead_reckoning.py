@@ -27,7 +27,7 @@ def events_of(tree: str, folder: Path) -> tuple[str, str, list[Event]]:
     return outcome.result, outcome.reason, events
 
 
-def test_a_drive_is_a_time_at_a_speed_and_says_that_it_is_dead_reckoning(tmp_path: Path) -> None:
+def test_drive_by_dead_reckoning_is_reported(tmp_path: Path) -> None:
     result, end, events = events_of(DRIVE, tmp_path)
     assert (result, end) == ("success", "by dead reckoning: nothing measured how far the base went")
     assert [event.text for event in events if isinstance(event, Logged) and event.level == "info"] == ["yes 0.5"]
@@ -37,19 +37,19 @@ def test_a_drive_is_a_time_at_a_speed_and_says_that_it_is_dead_reckoning(tmp_pat
 
 
 @pytest.mark.parametrize("condition", ["until: base.x > 30 cm", "while: base.heading < 1 rad", "if: base.y > 0 m"])
-def test_a_condition_on_where_it_is_fails_with_that_reason(condition: str, tmp_path: Path) -> None:
+def test_condition_on_a_dead_reckoning_pose_fails(condition: str, tmp_path: Path) -> None:
     tree = f"mission: m\ntree:\n  sequence:\n    - drive: {{distance: 50 cm}}\n      {condition}\n"
     result, reason, _ = events_of(tree, tmp_path)
     assert result == "failure"
     assert "is dead reckoning, which no condition may use" in reason
 
 
-def test_a_square_is_driven_on_it() -> None:
+def test_square_is_driven_by_dead_reckoning() -> None:
     ran = missions.run("square_3m", robot="wave_rover", simulate="fast", params={"side": "50 cm"}, eyes="truth")
     assert ran.result == "success"
 
 
-def test_a_car_that_measures_no_battery_says_that_it_is_full_and_of_no_volts(tmp_path: Path) -> None:
+def test_base_without_a_battery_sensor_reports_100_percent_and_0_volts(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text(
         'mission: m\ntree:\n  log: "${battery.percent} ${battery.voltage / 1 V}"\n', encoding="utf-8"
     )

@@ -150,7 +150,7 @@ WRONG = [
 ]
 
 
-def test_what_mixes_dimensions_is_refused_at_its_place() -> None:
+def test_mixed_dimensions_are_refused_at_their_place() -> None:
     missed = []
     for line, under, message in WRONG:
         found = faults(mission(line))
@@ -191,11 +191,11 @@ RIGHT = [
 ]
 
 
-def test_what_keeps_its_dimension_is_good() -> None:
+def test_consistent_dimensions_are_accepted() -> None:
     assert [(line, found) for line in RIGHT if (found := faults(mission(line)))] == []
 
 
-def test_a_text_that_looks_like_a_calculation_is_told_how_to_be_one() -> None:
+def test_text_that_looks_like_an_expression_gets_a_hint() -> None:
     for text in ("n - 1", "gap * 2", "n > 2", "ways[0]", "max(n, 1)", "not flag"):
         hint = f'write x: "${{{text}}}", or quotes around it for the text'
         message = f"'x' is set to the text '{text}', which is not calculated; {hint}"
@@ -228,7 +228,7 @@ returns: {area: area, way: way, speed: way / 1 s}
 """
 
 
-def test_a_quantity_keeps_its_dimension_on_its_way_through_a_mission_in_a_mission(tmp_path: Path) -> None:
+def test_quantity_keeps_its_dimension_through_a_submission(tmp_path: Path) -> None:
     outer = """\
 tree:
   sequence:
@@ -259,7 +259,7 @@ tree:
         assert fault.message.endswith(message)
 
 
-def test_a_mistake_in_a_mission_that_is_used_twice_is_told_once(tmp_path: Path) -> None:
+def test_mistake_in_a_submission_used_twice_is_reported_once(tmp_path: Path) -> None:
     outer = "tree:\n  sequence:" + "\n    - {mission: inner.yaml, with: {side: '${a}'}}" * 2 + "\n"
     inner = "params: {side: 1 m}\ntree: {drive: '${side + 1}'}\n"
     path = written(tmp_path, outer=f"params: {{a: {{type: length}}}}\n{outer}", inner=inner)
@@ -268,7 +268,7 @@ def test_a_mistake_in_a_mission_that_is_used_twice_is_told_once(tmp_path: Path) 
     assert [fault.place.rpartition("/")[2] for fault in caught.value.diagnostics] == ["inner.yaml:3:18"]
 
 
-def test_where_nobody_knows_what_a_variable_holds_the_node_fails_with_both_dimensions(tmp_path: Path) -> None:
+def test_node_fails_with_both_dimensions_for_a_variable_of_unknown_type(tmp_path: Path) -> None:
     for line, reason in (
         ("turn: ${x}", "angle: needs an angle such as '30 deg', got a length: '2 m'"),
         ("turn: ${x + 1 deg}", "angle: 'x + 1 deg': cannot add a length and an angle"),
@@ -283,7 +283,7 @@ def test_where_nobody_knows_what_a_variable_holds_the_node_fails_with_both_dimen
         assert reason in ran.reason
 
 
-def test_what_leaves_store_and_what_is_sensed_has_its_dimension_in_a_run(tmp_path: Path) -> None:
+def test_stored_and_sensed_values_have_dimensions_in_a_run(tmp_path: Path) -> None:
     text = """\
 tree:
   sequence:

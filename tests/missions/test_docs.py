@@ -129,7 +129,7 @@ def test_every_table_and_every_leaf_is_on_a_page() -> None:
     assert re.findall(r"^## (\w+)$", catalogue, re.MULTILINE) == list(LEAVES)
 
 
-def test_a_stale_table_is_replaced_and_the_text_around_it_stays() -> None:
+def test_stale_table_is_replaced_without_changing_the_text_around() -> None:
     page = "before\n<!-- units: begin -->\nold\n<!-- units: end -->\nafter\n"
     new = renewed(page)
     assert new.startswith("before\n<!-- units: begin -->\n| dimension |")
@@ -137,7 +137,7 @@ def test_a_stale_table_is_replaced_and_the_text_around_it_stays() -> None:
     assert "old" not in new
 
 
-def test_the_generator_changes_no_page_that_is_up_to_date(
+def test_docs_generator_leaves_current_pages_unchanged(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = {page: page.read_bytes() for page in PAGES}
@@ -170,7 +170,7 @@ def test_the_changelog_has_few_and_short_entries() -> None:
 # Missions
 
 
-def test_every_yaml_block_is_of_a_kind_that_is_checked() -> None:
+def test_every_yaml_block_in_the_docs_is_of_a_checked_kind() -> None:
     assert len(MISSIONS) > 15
     for block in blocks("yaml"):
         assert kind_of(block) in {"mission:", "-", "robot:", "world:", "object:", "tests:", "gesture:"}, block
@@ -221,7 +221,7 @@ def test_each_test_file_of_the_docs_passes(block: Block, tmp_path: Path) -> None
 # The tutorial
 
 
-def test_the_tutorial_ends_with_the_mission_that_ships() -> None:
+def test_tutorial_mission_matches_the_shipped_one() -> None:
     shown = check_plan(SourceText("greet.yaml", tutorial("mission:")["greet"]), LEAVES, LOOKUPS)
     shipped = load_mission("greet")
     assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]
@@ -229,9 +229,7 @@ def test_the_tutorial_ends_with_the_mission_that_ships() -> None:
 
 
 @pytest.mark.parametrize("name", ["hello", "anybody"])
-def test_the_first_missions_run_as_a_pupil_types_them(
-    name: str, folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_first_tutorial_missions_run(name: str, folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "run", f"{name}.yaml", "--json")
     assert outcome.code == 0, outcome.err
@@ -300,7 +298,7 @@ def test_the_leaf_of_the_docs_bows_the_given_number_of_times() -> None:
     assert down[-1] is False
 
 
-def test_a_mission_takes_the_leaf_of_the_docs_from_its_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_leaf_example_of_the_docs_is_loaded_from_its_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, mission = (next(b for b in blocks(kind) if b.page.name == "leaves.md") for kind in ("python", "yaml"))
     (folder / "bow.py").write_text(code.text, encoding="utf-8")
     (folder / "greet_them.yaml").write_text(mission.text, encoding="utf-8")
@@ -317,7 +315,7 @@ def test_the_program_of_the_docs_runs_the_mission_of_the_docs(folder: Path, caps
     assert (told[0], told[-1].strip()) == ("Status.RUNNING", "success")
 
 
-def test_the_test_that_the_docs_show_passes() -> None:
+def test_example_test_of_the_docs_passes() -> None:
     names = namespace(ROOT / "docs" / "leaves.md")
     tests = [each for name, each in names.items() if name.startswith("test_")]
     assert tests

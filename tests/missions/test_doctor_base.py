@@ -183,7 +183,7 @@ def tried(rig: BaseRig) -> tuple[Trial, dict[str, tuple[str, str]]]:
 
 
 @pytest.mark.parametrize("motors", MOTORS)
-def test_motors_that_are_swapped_or_turn_the_wrong_way_are_named(rig: BaseRig, motors: str) -> None:
+def test_doctor_names_swapped_or_reversed_motors(rig: BaseRig, motors: str) -> None:
     fault(rig, motors=MOTORS[motors])
     trial, found = tried(rig)
     verdict, what = found["motors"]
@@ -219,7 +219,7 @@ def test_the_drift_of_a_gyro_is_measured_at_rest(made: Callable[[], BaseRig], dr
 
 @pytest.mark.parametrize(("share", "words"), [(0.0, "shows no turn"), (-1.0, "sign is reversed"), (0.3, "the gyro")])
 @pytest.mark.parametrize("made", [WireBase, TwinBase])
-def test_where_gyro_and_encoders_differ_it_is_said_which_is_likely_wrong(
+def test_doctor_names_the_likely_fault_of_gyro_or_encoders(
     made: Callable[[], BaseRig], share: float, words: str
 ) -> None:
     rig = made()
@@ -230,7 +230,7 @@ def test_where_gyro_and_encoders_differ_it_is_said_which_is_likely_wrong(
     assert any(each.about == "gyro" and words in each.message and each.verdict != "ok" for each in found), found
 
 
-def test_a_base_that_measures_nothing_is_judged_by_the_person_alone() -> None:
+def test_base_without_odometry_is_judged_by_the_person() -> None:
     rig = WaveRover()
     fault(rig, motors=MOTORS["the left and the right motor are swapped"])
     _, found = tried(rig)
@@ -256,7 +256,7 @@ def test_healthy_bases_raise_no_false_alarm() -> None:
         assert all(verdict == "ok" for verdict, _ in found.values()), (seed, found)
 
 
-def test_a_base_that_does_not_report_ends_the_trial() -> None:
+def test_silent_base_ends_the_doctor_trial() -> None:
     rig = TwinBase()
     rig.start()
     trial = Trial(rig)
@@ -266,7 +266,7 @@ def test_a_base_that_does_not_report_ends_the_trial() -> None:
     rig.close()
 
 
-def test_a_base_that_runs_away_is_stopped_whatever_its_driver_does() -> None:
+def test_runaway_base_is_stopped_in_the_doctor_trial() -> None:
     rig = TwinBase()
     fault(rig, motors=lambda left, right: (9 * left, 9 * right))
     _, found = tried(rig)

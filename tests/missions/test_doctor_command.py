@@ -107,9 +107,7 @@ def test_a_computer_without_a_robot_is_looked_at_alone(mission: Mission, desk: R
 
 
 @pytest.mark.usefixtures("plugged")
-def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_anew_is_left_alone(
-    mission: Mission, desk: RecordedMachine
-) -> None:
+def test_doctor_lists_a_healthy_robot_and_does_not_reset_its_board(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--json")
     found = findings(told)
     assert told.code == 0
@@ -129,7 +127,7 @@ def test_a_robot_that_is_well_is_told_part_by_part_and_a_board_that_would_start_
 
 
 @pytest.mark.usefixtures("plugged")
-def test_what_ails_servos_is_told_with_cures_for_this_robot_and_ends_with_1(
+def test_doctor_reports_servo_faults_with_fixes_and_exits_with_1(
     mission: Mission, desk: RecordedMachine, servos: list[VirtualServo]
 ) -> None:
     servos[0].voltage = 9.0
@@ -144,7 +142,7 @@ def test_what_ails_servos_is_told_with_cures_for_this_robot_and_ends_with_1(
     assert wanted in told.out
 
 
-def test_parts_that_are_not_plugged_in_are_told(mission: Mission, desk: RecordedMachine) -> None:
+def test_doctor_reports_unplugged_parts(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("--robot", "kit.yaml", "--root", str(desk.root), "--json")
     assert told.code == 1
     found = findings(told)
@@ -153,7 +151,7 @@ def test_parts_that_are_not_plugged_in_are_told(mission: Mission, desk: Recorded
         assert found[part, "port"]["fix"].startswith("mission ports")
 
 
-def test_a_part_that_the_robot_has_not_cannot_be_plugged_in_elsewhere(mission: Mission) -> None:
+def test_doctor_refuses_a_port_for_a_missing_part(mission: Mission) -> None:
     told = mission("--robot", "kit.yaml", "--port", "screen=/dev/ttyUSB0")
     assert (told.code, "the robot has no screen" in told.err) == (2, True)
 
@@ -164,7 +162,7 @@ def failing(keys: object, site: DriverContext) -> Iterator[Finding]:
 
 
 @pytest.mark.usefixtures("plugged")
-def test_a_driver_whose_check_up_fails_is_told_and_the_others_are_looked_at(
+def test_failing_checkup_of_a_driver_does_not_stop_the_others(
     mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     from drivers.kobuki import declared  # noqa: PLC0415
@@ -196,9 +194,7 @@ class Logged:
         return self._device.poll(now)
 
 
-def test_nothing_is_sent_that_could_move_or_change_anything(
-    mission: Mission, desk: RecordedMachine, clock: PatientClock
-) -> None:
+def test_doctor_sends_only_read_requests(mission: Mission, desk: RecordedMachine, clock: PatientClock) -> None:
     servos = [VirtualServo(1), VirtualServo(2, model="XM430-W350")]  # of which one is not what the file says
     base, arm = Logged(VirtualKobuki()), Logged(VirtualServoBus(servos))
     terminals = list[PseudoTerminal]()
@@ -226,7 +222,7 @@ def test_nothing_is_sent_that_could_move_or_change_anything(
 # The report
 
 
-def test_a_port_that_is_the_debug_connector_of_a_raspberry_pi_5_is_told_with_the_pins(
+def test_doctor_reports_the_debug_port_of_a_raspberry_pi_5(
     mission: Mission, desk: RecordedMachine, tmp_path: Path
 ) -> None:
     desk.write("proc/device-tree/model", "Raspberry Pi 5 Model B Rev 1.0")
@@ -243,7 +239,7 @@ def test_a_port_that_is_the_debug_connector_of_a_raspberry_pi_5_is_told_with_the
 
 
 @pytest.mark.usefixtures("plugged")
-def test_the_report_tells_all_but_whose_computer_it_is(
+def test_doctor_report_is_anonymous(
     mission: Mission, desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setenv("HOME", "/home/marvin")
@@ -273,9 +269,7 @@ def test_names_keys_addresses_and_folders_are_taken_out_of_a_text() -> None:
     )
 
 
-def test_what_is_known_to_be_secret_is_that_of_this_machine(
-    desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_private_words_are_those_of_this_machine(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("USER", "trillian")
     desk.port("ttyUSB0", "0403:6014", serial="FT4THVLX")
     known = private_words(desk.machine)
@@ -310,7 +304,7 @@ def cures() -> Iterator[tuple[str, str]]:
                 yield file.name, found
 
 
-def test_every_command_that_is_told_as_a_cure_parses(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_suggested_fix_is_a_valid_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in FILES:
         Path(name).touch()
@@ -323,7 +317,7 @@ def test_every_command_that_is_told_as_a_cure_parses(tmp_path: Path, monkeypatch
 
 
 @pytest.mark.usefixtures("plugged")
-def test_the_cure_of_a_servo_that_has_shut_down_cures_it(
+def test_suggested_fix_recovers_a_shut_down_servo(
     mission: Mission, desk: RecordedMachine, servos: list[VirtualServo], capsys: pytest.CaptureFixture[str]
 ) -> None:
     servos[1].overload()
@@ -337,9 +331,7 @@ def test_the_cure_of_a_servo_that_has_shut_down_cures_it(
     assert findings(mission(*asked))["arm", "elbow (servo 2)"]["verdict"] == "ok"
 
 
-def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
-    mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_checkup_file_for_the_studio_is_anonymous(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("USER", "trillian")
     Path("kit.yaml").write_text(ROBOT.replace("/dev/kobuki", "/dev/trillian"))
     assert mission("--robot", "kit.yaml").code == 1
@@ -351,7 +343,7 @@ def test_what_ails_is_kept_for_the_studio_without_whose_computer_it_is(
     assert all(each["verdict"] != "ok" for each in kept["ailing"])
 
 
-def test_the_cure_of_a_second_arm_names_it(
+def test_suggested_fix_for_a_second_arm_names_it(
     mission: Mission, desk: RecordedMachine, clock: PatientClock, tmp_path: Path
 ) -> None:
     file = tmp_path / "pair.yaml"
@@ -367,7 +359,7 @@ def test_the_cure_of_a_second_arm_names_it(
     assert findings(told)["right_arm", "lift (servo 1)"]["fix"].endswith(f"--robot {file} --arm right_arm")
 
 
-def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mission, desk: RecordedMachine) -> None:
+def test_doctor_reports_the_default_robot(mission: Mission, desk: RecordedMachine) -> None:
     at = ("--root", str(desk.root))
     assert "robot: no default robot is set on this computer" in mission(*at).out
     file = config_folder() / "defaults.yaml"
@@ -394,7 +386,7 @@ def test_the_doctor_tells_the_truth_about_the_robot_of_this_computer(mission: Mi
     assert "this computer's own" not in mission("--robot", "kit.yaml", *at).out
 
 
-def test_a_folder_that_cannot_be_written_is_wrong(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unwritable_folder_is_a_wrong_finding(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert list(check_folders()) == []
     (tmp_path / "file").touch()
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "file"))

@@ -71,7 +71,7 @@ def verdicts(pictures: Mapping[str, Image]) -> dict[str, Finding]:
     return {each.about: each for each in judge_head(pictures.get, VIEW)}
 
 
-def test_a_head_that_turns_as_it_should_is_found_so_whatever_it_looks_at() -> None:
+def test_correct_head_is_never_judged_wrong() -> None:
     right = 0
     count = tries(12, most=200)
     for seed in range(count):
@@ -84,7 +84,7 @@ def test_a_head_that_turns_as_it_should_is_found_so_whatever_it_looks_at() -> No
 
 
 @pytest.mark.parametrize(("pan", "tilt"), [(-1.0, 1.0), (1.0, -1.0)])
-def test_an_axis_that_turns_the_wrong_way_is_found_by_its_pictures(pan: float, tilt: float) -> None:
+def test_reversed_head_axis_is_found_in_pictures(pan: float, tilt: float) -> None:
     found = 0
     count = tries(12, most=200)
     for seed in range(count):
@@ -97,21 +97,21 @@ def test_an_axis_that_turns_the_wrong_way_is_found_by_its_pictures(pan: float, t
 
 
 @pytest.mark.parametrize("how", [{"pan": -1.0, "tilt": -1.0}, {"upside_down": True}])
-def test_both_axes_the_wrong_way_may_be_a_camera_that_is_upside_down(how: dict[str, Any]) -> None:
+def test_two_reversed_axes_suggest_an_upside_down_camera(how: dict[str, Any]) -> None:
     chance = np.random.default_rng(5)
     (found,) = verdicts(filmed(chance, room(chance), **how)).values()
     assert found.verdict == "wrong"
     assert "upside down" in found.message
 
 
-def test_servos_that_are_swapped_are_named() -> None:
+def test_swapped_head_servos_are_named() -> None:
     chance = np.random.default_rng(6)
     found = verdicts(filmed(chance, room(chance), swapped=True))
     assert all("swapped" in each.message and each.verdict == "wrong" for each in found.values())
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0, 8.0])
-def test_a_wall_without_texture_tells_nothing(noise: float) -> None:
+def test_blank_wall_gives_an_unknown_direction(noise: float) -> None:
     for seed in range(tries(5, most=100)):
         chance = np.random.default_rng(seed)
         found = verdicts(filmed(chance, room(chance, contrast=0.0), noise=noise))
@@ -121,7 +121,7 @@ def test_a_wall_without_texture_tells_nothing(noise: float) -> None:
         )
 
 
-def test_a_head_that_does_not_turn_and_pictures_that_are_missing_are_told() -> None:
+def test_motionless_head_and_missing_pictures_are_reported() -> None:
     chance = np.random.default_rng(7)
     found = verdicts(filmed(chance, room(chance), pan=0.0, tilt=0.0))
     assert all("did not move" in each.message and each.verdict == "warning" for each in found.values())

@@ -46,7 +46,7 @@ def test_a_joint_goes_a_little_way_and_back_and_no_other_moves() -> None:
     assert max(speed["elbow"] for speed in servos.speeds) < math.radians(30)
 
 
-def test_a_joint_that_stands_outside_its_limits_is_not_moved() -> None:
+def test_doctor_does_not_move_a_joint_outside_its_limits() -> None:
     bench, servos = with_servos()
     servos.turn_by_hand("elbow", -0.3)
     leaf = nudged(bench)
@@ -56,7 +56,7 @@ def test_a_joint_that_stands_outside_its_limits_is_not_moved() -> None:
     assert not moves(servos)
 
 
-def test_a_joint_that_does_not_move_is_told() -> None:
+def test_stuck_joint_fails_the_doctor_trial() -> None:
     bench, servos = with_servos()
     servos.stuck.add("elbow")
     leaf = nudged(bench)
@@ -65,7 +65,7 @@ def test_a_joint_that_does_not_move_is_told() -> None:
     assert leaf.reason == "commanded 4 deg, moved 0.0"
 
 
-def test_every_part_that_moves_is_tried_and_a_further_head_by_its_name() -> None:
+def test_movement_trials_cover_every_moving_part() -> None:
     config = load_robot(Path("config/robots/turtlebot2_arm.yaml").absolute())
     told = {
         part: [trial.about for trial in movement_trials(part, section)] for part, section in config.sections.items()
@@ -107,7 +107,7 @@ def _tried(
     return list(try_movements(config, "kit.yaml", {"arm": plugged.path}, faulty_parts=unwell, ask=ask)), asked
 
 
-def test_each_joint_is_asked_for_moved_and_asked_about(plugged: PseudoTerminal) -> None:
+def test_each_joint_is_moved_with_consent_and_confirmed(plugged: PseudoTerminal) -> None:
     found, asked = _tried(plugged, True, True, True, False)
     assert [(each.finding.about, each.finding.verdict, each.finding.message) for each in found] == [
         ("shoulder", "ok", "done, and confirmed"),
@@ -122,7 +122,7 @@ def test_each_joint_is_asked_for_moved_and_asked_about(plugged: PseudoTerminal) 
     assert found[1].finding.fix.startswith("mission servo scan --robot kit.yaml")
 
 
-def test_what_may_not_and_what_is_unwell_does_not_move(plugged: PseudoTerminal) -> None:
+def test_refused_or_faulty_part_does_not_move(plugged: PseudoTerminal) -> None:
     found, asked = _tried(plugged, False, False)
     assert [each.finding.message for each in found] == ["not tried", "not tried"]
     assert len(asked) == 2
@@ -137,7 +137,7 @@ def test_without_a_robot_nothing_can_be_moved(capsys: pytest.CaptureFixture[str]
     assert "try: mission doctor --move --robot NAME" in outcome.err
 
 
-def test_where_nobody_answers_nothing_moves_and_all_else_is_told(
+def test_doctor_without_answers_moves_nothing_and_reports_the_rest(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file, port = tmp_path / "kit.yaml", tmp_path / "port"

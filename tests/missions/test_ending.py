@@ -68,7 +68,7 @@ def test_a_killed_process_leaves_the_base_at_rest_within_a_moment(tmp_path: Path
 
 
 @pytest.mark.real_time
-def test_a_mission_that_fails_in_mid_drive_stops_the_base(tmp_path: Path) -> None:
+def test_failed_mission_stops_the_base_mid_drive(tmp_path: Path) -> None:
     driving = Driving(tmp_path, mission="mission: far\ntree:\n  drive: 20 m\n  timeout: 1 s\n")
     try:
         assert driving.process.end() == 1
@@ -80,7 +80,7 @@ def test_a_mission_that_fails_in_mid_drive_stops_the_base(tmp_path: Path) -> Non
 
 
 @pytest.mark.real_time
-def test_a_base_that_is_unplugged_is_waited_for_and_used_again(tmp_path: Path) -> None:
+def test_replugged_base_drives_on_in_the_same_run(tmp_path: Path) -> None:
     driving = Driving(tmp_path)
     try:
         driving.terminal.unplug()

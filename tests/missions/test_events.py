@@ -63,7 +63,7 @@ def log(text: str) -> Logged:
 
 @settings(deadline=None)
 @given(st.sampled_from([Sequence, Selector]), st.lists(OUTCOMES, min_size=1, max_size=4), st.integers(1, 6))
-def test_what_is_told_later_is_what_would_have_been_told_at_once(
+def test_queued_events_equal_immediate_events(
     kind: Callable[[str], Composite], outcomes: list[list[Status]], ticks: int
 ) -> None:
     at_once: list[Event] = []
@@ -82,7 +82,7 @@ def test_what_is_told_later_is_what_would_have_been_told_at_once(
     assert len(later) > 0
 
 
-def test_a_change_is_told_as_it_was_though_the_node_has_changed_since() -> None:
+def test_queued_change_keeps_the_status_of_its_time() -> None:
     heard: list[Event] = []
     stream = EventStream([heard.append])
     stream.open()
@@ -101,7 +101,7 @@ def test_a_change_is_told_as_it_was_though_the_node_has_changed_since() -> None:
     ]
 
 
-def test_changes_and_other_events_come_in_the_order_in_which_they_happened() -> None:
+def test_changes_and_other_events_keep_their_order() -> None:
     class Talk(Leaf):
         """Say something."""
 
@@ -118,7 +118,7 @@ def test_changes_and_other_events_come_in_the_order_in_which_they_happened() -> 
     assert [event.event for event in heard] == ["node_changed", "log", "node_changed", "node_changed", "tick"]
 
 
-def test_the_end_of_a_tick_brings_its_changes_to_the_listeners() -> None:
+def test_tick_end_delivers_changes_to_listeners() -> None:
     ticked = threading.Event()
     heard: list[Event] = []
 
@@ -136,7 +136,7 @@ def test_the_end_of_a_tick_brings_its_changes_to_the_listeners() -> None:
     stream.close()
 
 
-def test_ticks_in_which_nothing_happens_are_told_together() -> None:
+def test_idle_ticks_are_delivered_together() -> None:
     heard: list[Event] = []
     told = threading.Event()
 
@@ -161,7 +161,7 @@ def test_ticks_in_which_nothing_happens_are_told_together() -> None:
     stream.close()
 
 
-def test_what_a_reset_makes_idle_is_told_node_by_node_from_the_leaves_up() -> None:
+def test_reset_emits_idle_nodes_from_the_leaves_up() -> None:
     heard: list[Event] = []
     runner, _ = executive(EventStream([heard.append]), Selector("s"), Fail("a"), Fail("b"))
     runner.tick()
@@ -174,7 +174,7 @@ def test_what_a_reset_makes_idle_is_told_node_by_node_from_the_leaves_up() -> No
 # --- listeners that are slow, broken or many -------------------------------------------------------------------------
 
 
-def test_a_listener_that_breaks_in_the_middle_of_a_reset_costs_the_others_nothing() -> None:
+def test_failing_listener_does_not_affect_other_listeners() -> None:
     first: list[Event] = []
     last: list[Event] = []
 
@@ -191,7 +191,7 @@ def test_a_listener_that_breaks_in_the_middle_of_a_reset_costs_the_others_nothin
     assert stream.failed_listeners == ["function: I cannot draw that"]
 
 
-def test_changes_that_no_listener_has_time_for_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dropped_changes_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(streaming, "MAX_QUEUED_EVENTS", 3)
     heard: list[Event] = []
     stream = EventStream([heard.append])
@@ -203,7 +203,7 @@ def test_changes_that_no_listener_has_time_for_are_counted(monkeypatch: pytest.M
     assert stream.dropped_count == 3  # two leaves and the sequence
 
 
-def test_a_stream_may_be_opened_and_closed_again_and_tells_at_once_in_between() -> None:
+def test_reopened_stream_emits_at_once_while_closed() -> None:
     heard: list[Event] = []
     stream = EventStream([heard.append])
     for text in ("one", "two"):

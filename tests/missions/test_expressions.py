@@ -102,13 +102,13 @@ SCOPE: dict[str, object] = {
         (r"'\d' == '\\d'", True),
     ],
 )
-def test_an_expression_has_the_value_that_it_says(text: str, value: object) -> None:
+def test_expression_evaluates_to_its_value(text: str, value: object) -> None:
     found = parse(text).evaluate(SCOPE)
     assert found == value
     assert isinstance(found, bool) is isinstance(value, bool)
 
 
-def test_and_and_or_ask_no_further_than_they_must() -> None:
+def test_and_and_or_short_circuit() -> None:
     assert parse("true or missing").evaluate({}) is True
     assert parse("false and missing").evaluate({}) is False
 
@@ -155,7 +155,7 @@ def test_and_and_or_ask_no_further_than_they_must() -> None:
         "1e999",
     ],
 )
-def test_what_is_not_on_the_list_is_refused_before_it_runs(text: str) -> None:
+def test_disallowed_syntax_is_refused_by_the_parser(text: str) -> None:
     with pytest.raises(ExpressionError):
         parse(text)
 
@@ -176,14 +176,14 @@ def test_values_of_python_have_no_members(text: str) -> None:
         ("nothing.x", "'x' is not there: nothing is stored yet"),
     ],
 )
-def test_a_missing_member_says_which_there_are(text: str, message: str) -> None:
+def test_missing_member_lists_the_existing_ones(text: str, message: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text).evaluate(SCOPE)
     assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("text", ["thing.method", "thing.missing", "place.missing"])
-def test_methods_and_missing_members_are_not_there(text: str) -> None:
+def test_methods_and_missing_members_are_refused(text: str) -> None:
     with pytest.raises(ExpressionError, match="is not there"):
         parse(text).evaluate(SCOPE)
 
@@ -213,7 +213,7 @@ def test_methods_and_missing_members_are_not_there(text: str) -> None:
         *((text, TOO_DEEP_MESSAGE) for text in DEEP),
     ],
 )
-def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
+def test_unparsable_expression_gives_a_reason(text: str, message: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text)
     assert str(caught.value) == message
@@ -254,14 +254,14 @@ def test_what_cannot_be_read_says_why(text: str, message: str) -> None:
         ("place['x']", "'place['x']': only lists have numbered members, not a mapping"),
     ],
 )
-def test_what_cannot_be_evaluated_says_why(text: str, message: str) -> None:
+def test_failed_evaluation_gives_a_reason(text: str, message: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text).evaluate(SCOPE)
     assert str(caught.value) == message
 
 
 @pytest.mark.parametrize("text", ["len(1)", "max([])", "min()", "max(1, name)", "abs()", "len(1, 2)"])
-def test_a_function_that_is_called_wrongly_fails_as_an_expression(text: str) -> None:
+def test_wrong_function_call_is_an_expression_error(text: str) -> None:
     with pytest.raises(ExpressionError):
         parse(text).evaluate(SCOPE)
 
@@ -325,7 +325,7 @@ def test_numbers_without_units_stay_numbers(text: str) -> None:
         ("20 % + 30 %", "50 %"),
     ],
 )
-def test_what_is_calculated_of_quantities_is_one(text: str, shown: str) -> None:
+def test_calculation_with_quantities_gives_a_quantity(text: str, shown: str) -> None:
     found = parse(text).evaluate(SCOPE)
     assert isinstance(found, Quantity)
     assert str(found) == shown
@@ -369,7 +369,7 @@ def test_quantities_compare_and_divide_to_plain_values(text: str, value: object)
         ("[1][1 m]", "list indexes are whole numbers from 0, got 1 m"),
     ],
 )
-def test_dimensions_that_do_not_go_together_say_which(text: str, message: str) -> None:
+def test_incompatible_dimensions_are_named(text: str, message: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text).evaluate(SCOPE)
     assert str(caught.value) == f"'{text}': {message}"
@@ -380,7 +380,7 @@ def test_the_power_of_a_dimension_cannot_grow_without_end() -> None:
         parse("n * n").evaluate({"n": fed_back("n * n", Quantity(1.0, "length"))})
 
 
-def test_a_quantity_in_an_expression_leaves_columns_where_they_are() -> None:
+def test_quantities_do_not_shift_columns() -> None:
     expression = parse("é * 1.5 m/s > 2 min and x", 3)
     assert [(read.name, read.column) for read in expression.reads] == [("é", 3), ("x", 27)]
     with pytest.raises(ExpressionError) as caught:
@@ -388,7 +388,7 @@ def test_a_quantity_in_an_expression_leaves_columns_where_they_are() -> None:
     assert caught.value.column == 8
 
 
-def test_an_expression_tells_what_it_reads_and_where() -> None:
+def test_expression_reports_its_reads_with_columns() -> None:
     expression = parse("  größe > 1 and battery.percent.x < größe + len('a') and true", 10)
     assert expression.names == ("größe", "battery")
     assert [(read.dotted, read.column, read.length) for read in expression.reads] == [
@@ -407,7 +407,7 @@ def test_an_expression_tells_what_it_reads_and_where() -> None:
         ("'é' and (lambda: 1)", "lambda: 1"),
     ],
 )
-def test_an_error_says_where_in_the_text_it_is(text: str, piece: str) -> None:
+def test_expression_error_has_a_column(text: str, piece: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         parse(text)
     assert caught.value.column is not None
@@ -482,7 +482,7 @@ def test_every_well_formed_formula_has_a_value_or_a_reason(text: str) -> None:
 
 
 @pytest.mark.parametrize("word", sorted(set(keyword.kwlist) - RESERVED_WORDS))
-def test_a_word_that_python_needs_elsewhere_may_be_a_name(word: str) -> None:
+def test_python_keyword_may_be_a_name(word: str) -> None:
     found = parse(f"'from {word}: ' + {word} + é.{word} + \"{word}\"")
     assert [(read.dotted, found.text[read.column :][: read.length]) for read in found.reads] == [
         (word, word),

@@ -35,7 +35,7 @@ def test_mission_run_check_and_show_take_the_file_beside(
     assert "mine" in command(capsys, "show", name).out
 
 
-def test_tests_and_python_take_it_too(folder: Path) -> None:
+def test_tests_and_python_api_prefer_the_file_beside(folder: Path) -> None:
     (path,) = find_tests("wander")
     (case,) = load_suite(path)
     assert (path, case.mission) == (Path("wander.test.yaml"), "wander.yaml")
@@ -43,7 +43,7 @@ def test_tests_and_python_take_it_too(folder: Path) -> None:
     assert folder == Path.cwd()
 
 
-def test_the_studio_lists_no_name_that_means_another_file(folder: Path) -> None:
+def test_studio_omits_shadowed_library_names(folder: Path) -> None:
     names = files_by_name("missions")
     assert "wander" not in names
     assert names["wander.yaml"].resolve() == folder / "wander.yaml"
@@ -51,7 +51,7 @@ def test_the_studio_lists_no_name_that_means_another_file(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("suffix", [".yaml", ".yml"])
-def test_what_stands_beside_goes_before_the_library(tmp_path: Path, suffix: str) -> None:
+def test_file_beside_takes_precedence_over_the_library(tmp_path: Path, suffix: str) -> None:
     own = tmp_path / f"greet{suffix}"
     own.write_text("mission: greet\ntree: stop\n", encoding="utf-8")
     assert find_mission("greet", tmp_path) == own
@@ -59,13 +59,13 @@ def test_what_stands_beside_goes_before_the_library(tmp_path: Path, suffix: str)
 
 
 @pytest.mark.parametrize("text", ["world: greet\n", "tests: greet\ncases: []\n", "gesture: greet\n"])
-def test_a_file_of_another_kind_hides_no_mission(tmp_path: Path, text: str) -> None:
+def test_file_of_another_kind_does_not_shadow_a_mission(tmp_path: Path, text: str) -> None:
     (tmp_path / "greet.yaml").write_text(text, encoding="utf-8")
     (tmp_path / "motions").mkdir()
     assert find_mission("greet", tmp_path) == shipped_missions()["greet"]
 
 
-def test_a_folder_or_a_program_of_that_name_hides_no_mission(tmp_path: Path) -> None:
+def test_folder_or_program_does_not_shadow_a_mission(tmp_path: Path) -> None:
     (tmp_path / "greet").write_bytes(b"\x7fELF")
     (tmp_path / "wander.yaml").mkdir()
     assert find_mission("greet", tmp_path) == shipped_missions()["greet"]

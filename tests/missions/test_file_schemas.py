@@ -60,7 +60,7 @@ def complaints(kind: str, text: str) -> list[str]:
 
 
 @pytest.mark.parametrize("kind", EVERY)
-def test_what_ships_and_what_the_docs_show_is_valid_and_no_mission(kind: str) -> None:
+def test_shipped_and_documented_files_match_their_schema_only(kind: str) -> None:
     jsonschema.Draft7Validator.check_schema(file_schema(kind))
     texts = {str(path): read_source(path).text for path in FILES[kind]}
     texts |= {"a move": A_MOVE} if kind == "moves" else {}
@@ -130,7 +130,7 @@ def test_mistakes_are_seen() -> None:
     assert not [(kind, text) for kind, texts in BROKEN.items() for text in texts if not complaints(kind, text)]
 
 
-def test_the_command_writes_each_of_them(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_schema_command_writes_every_schema(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     for kind in EVERY:
         outcome = command(capsys, "schema", kind, "-o", str(tmp_path / f"{kind}.json"))
         assert (outcome.code, (tmp_path / f"{kind}.json").is_file()) == (0, True)
@@ -146,7 +146,7 @@ STRUCTURE = re.compile(r"has no key|needs '|needs a (text|list|plain|whole)|must
 """Mistakes that a schema can say; it knows nothing of what words mean, nor of what is beside each other."""
 
 
-def test_a_damaged_file_is_judged_alike_by_its_reader_and_its_schema() -> None:
+def test_reader_and_schema_agree_on_damaged_files() -> None:
     apart, refused = [], 0
     for kind, read in READ.items():
         for seed in range(70):

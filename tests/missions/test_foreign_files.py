@@ -95,7 +95,7 @@ ARM = "robot: bench\narm:\n  driver: dynamixel\n  port: /dev/x\n  joints:\n    e
 # --- import -----------------------------------------------------------------------------------------------------------
 
 
-def test_arbotix_is_imported_in_degrees_from_its_neutral_step(mission: Mission) -> None:
+def test_arbotix_import_converts_degrees_and_neutral_step(mission: Mission) -> None:
     Path("crane.yaml").write_text(ARBOTIX)
     outcome = mission("servo import crane.yaml -o crane_robot.yaml")
     assert outcome.code == 0, outcome.err
@@ -117,7 +117,7 @@ def test_arbotix_is_imported_in_degrees_from_its_neutral_step(mission: Mission) 
         ("range: 250.92", "AX-12A", "has a range of 250.92 deg, an AX-12A 300 deg"),
     ],
 )
-def test_arbotix_joints_with_another_range_are_another_servo(
+def test_arbotix_joint_with_the_range_of_another_model_is_refused(
     mission: Mission, joint: str, model: str, words: str
 ) -> None:
     Path("crane.yaml").write_text(f"joints:\n  pan: {{id: 1, {joint}}}\n")
@@ -126,7 +126,7 @@ def test_arbotix_joints_with_another_range_are_another_servo(
     assert words in outcome.err
 
 
-def test_servos_that_count_from_elsewhere_are_not_imported(mission: Mission) -> None:
+def test_servos_with_a_homing_offset_are_not_imported(mission: Mission) -> None:
     told = "joint 'elbow' has Homing_Offset 512"
     for name, text in (("wx.yaml", INTERBOTIX), ("bench.yaml", "elbow: {ID: 4, Drive_Mode: 1}\n")):
         Path(name).write_text(text.replace("Drive_Mode: 1", "Drive_Mode: 1, Homing_Offset: 512"))
@@ -150,7 +150,7 @@ def test_interbotix_needs_the_model_and_keeps_the_steps(mission: Mission) -> Non
     assert arm.joints["elbow"].reverse
 
 
-def test_dynamixel_workbench_gives_names_and_ids_and_says_what_lacks(mission: Mission) -> None:
+def test_dynamixel_workbench_import_reports_missing_limits(mission: Mission) -> None:
     Path("bench.yaml").write_text(WORKBENCH)
     outcome = mission("servo import bench.yaml --model XL430-W250")
     assert outcome.code == 0, outcome.err
@@ -159,7 +159,7 @@ def test_dynamixel_workbench_gives_names_and_ids_and_says_what_lacks(mission: Mi
     assert "'wheel' is left out: operating mode 1" in outcome.err
 
 
-def test_a_calibration_of_lerobots_becomes_an_arm_that_names_it(mission: Mission) -> None:
+def test_lerobot_calibration_is_imported_as_an_arm(mission: Mission) -> None:
     wheel = {"id": 7, "drive_mode": 0, "homing_offset": 0, "range_min": 0, "range_max": 4095}
     Path("mine.json").write_text(json.dumps({**json.loads(NEW), "base_left_wheel": wheel}))
     outcome = mission("servo import mine.json -o so101_robot.yaml")
@@ -193,7 +193,7 @@ def test_two_servos_on_one_joint_are_refused_with_both_ids(mission: Mission, tex
 
 
 @pytest.mark.parametrize("shadows", ["[elbow]", "elbow", "1"])
-def test_shadows_that_are_not_understood_are_refused(mission: Mission, shadows: str) -> None:
+def test_invalid_shadows_are_refused(mission: Mission, shadows: str) -> None:
     Path("wx.yaml").write_text(f"{INTERBOTIX}shadows: {shadows}\n")
     outcome = mission("servo import wx.yaml --model XM430-W350 -o wx_robot.yaml")
     assert outcome.code == 2
@@ -208,7 +208,7 @@ def test_a_robot_file_with_the_second_servo_of_a_joint_is_refused(name: str) -> 
     parse_robot(SourceText("reactor.yaml", ARM.replace("elbow:", "hip:").replace("wrist:", f"{name}:")))
 
 
-def test_a_servo_that_obeys_what_another_is_sent_is_no_joint() -> None:
+def test_shadowing_servo_is_refused_as_a_joint() -> None:
     servo = VirtualServo(3, model="XM430-W350")
     servo.set("shadow_id", 2)
     bus, _, _ = direct_bus(VirtualServoBus([servo]))
@@ -250,7 +250,7 @@ MTN = (
 """A motion of RoboPlus, as a Bioloid has it; not UTF-8."""
 
 
-def test_a_motion_of_roboplus_is_played_by_the_ids_of_its_servos(mission: Mission) -> None:
+def test_roboplus_motion_is_played_by_servo_ids(mission: Mission) -> None:
     Path("nod.mtn").write_bytes(MTN)
     Path("bench.yaml").write_text(ARM.replace("{id: 2}", "{id: 2, reverse: true, zero: 10 deg}"))
     assert mission("servo play nod.mtn --robot bench.yaml --dry-run").code == 0
@@ -284,9 +284,7 @@ def test_a_motion_of_roboplus_moves_no_servos_with_other_steps(mission: Mission,
         (b"play_param=0 0 1 2.0 32", b"play_param=0", "cannot be parsed"),
     ],
 )
-def test_a_motion_of_roboplus_that_does_not_fit_is_refused(
-    mission: Mission, before: bytes, after: bytes, words: str
-) -> None:
+def test_unsuitable_roboplus_motion_is_refused(mission: Mission, before: bytes, after: bytes, words: str) -> None:
     Path("nod.mtn").write_bytes(MTN.replace(before, after))
     Path("bench.yaml").write_text(ARM)
     outcome = mission("servo play nod.mtn --robot bench.yaml --dry-run")
@@ -294,7 +292,7 @@ def test_a_motion_of_roboplus_that_does_not_fit_is_refused(
     assert words in outcome.err
 
 
-def test_a_move_of_an_older_pypot_has_its_frames_at_its_rate(mission: Mission) -> None:
+def test_old_pypot_move_uses_its_frame_rate(mission: Mission) -> None:
     rows = [{"elbow": [0, 0]}, {"elbow": [10, 0]}]
     Path("hello.json").write_text(json.dumps({"framerate": 50.0, "positions": rows}))
     Path("bench.yaml").write_text(ARM)
@@ -367,7 +365,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_any_other_file_is_refused_with_one_line_that_names_it(mission: Mission, name: str) -> None:
+def test_other_foreign_file_is_refused_with_one_line(mission: Mission, name: str) -> None:
     content, what = REFUSED[name]
     Path(name).write_bytes(content)
     for line in (f"servo play {name} --dry-run", f"servo import {name}", f"run {name} --simulate fast"):
@@ -394,7 +392,7 @@ def test_a_folder_with_a_dataset_is_named(mission: Mission) -> None:
     assert "is a LeRobot dataset" in mission("servo play data --dry-run").err
 
 
-def test_own_files_and_sheets_are_never_taken_for_those_of_others(tmp_path: Path) -> None:
+def test_own_files_and_spreadsheets_are_not_foreign(tmp_path: Path) -> None:
     for name, text in (("move.yaml", "gesture: a\nkeyframes:\n  - {at: 1 s, elbow: 0 deg}\n"), ("robot.yaml", ARM)):
         (tmp_path / name).write_text(text)
     assert wrong_kind_error("moves", tmp_path / "move.yaml") == ""
@@ -411,6 +409,6 @@ def test_a_sheet_is_called_a_spreadsheet_where_none_is_read(mission: Mission, na
         assert f"{name} is a spreadsheet: mission servo play {name} --robot FILE" in mission(line).err, line
 
 
-def test_a_robot_file_given_to_import_says_that_it_is_one(mission: Mission) -> None:
+def test_import_of_a_robot_file_is_refused(mission: Mission) -> None:
     Path("reactor.yaml").write_text(ARM)
     assert "reactor.yaml is a robot: " in mission("servo import reactor.yaml").err.splitlines()[-1]

@@ -70,7 +70,7 @@ WAITING = [
 
 
 @pytest.mark.parametrize(("tree", "reason"), WAITING)
-def test_an_expression_waits_for_a_base_that_falls_silent_for_a_while(tmp_path: Path, tree: str, reason: str) -> None:
+def test_expression_waits_while_the_base_does_not_report(tmp_path: Path, tree: str, reason: str) -> None:
     inner = "params: {x: {type: length}}\ntree: {log: '${x}'}\n"
     mission = Ticked(tmp_path, tree, inner=inner)
     mission.base.report(good=False)
@@ -80,7 +80,7 @@ def test_an_expression_waits_for_a_base_that_falls_silent_for_a_while(tmp_path: 
     assert mission.tick(5) is Status.SUCCESS
 
 
-def test_it_waits_no_longer_than_its_timeout(tmp_path: Path) -> None:
+def test_waiting_expression_times_out(tmp_path: Path) -> None:
     mission = Ticked(tmp_path, "    - set: {course: '${base.heading}'}\n      delay: 100 ms\n      timeout: 1 s\n")
     mission.base.report(good=False)
     assert mission.tick(19) is Status.RUNNING
@@ -88,7 +88,7 @@ def test_it_waits_no_longer_than_its_timeout(tmp_path: Path) -> None:
     assert mission.root.feedback_message == "waiting: the base does not report (timed out after 1 s)"
 
 
-def test_a_condition_asks_nothing_of_its_node_while_it_is_not_known(tmp_path: Path) -> None:
+def test_node_is_not_ticked_while_its_condition_is_unknown(tmp_path: Path) -> None:
     mission = Ticked(tmp_path, "    - pretend: [running, running, success]\n      while: base.x < 2 m\n")
     assert mission.tick() is Status.RUNNING
     mission.base.report(good=False)
@@ -98,7 +98,7 @@ def test_a_condition_asks_nothing_of_its_node_while_it_is_not_known(tmp_path: Pa
     assert mission.tick() is Status.SUCCESS
 
 
-def test_a_mission_that_has_ended_is_not_run_again_for_what_it_returns(tmp_path: Path) -> None:
+def test_ended_submission_does_not_run_again_for_its_returns(tmp_path: Path) -> None:
     inner = "tree: {set: {n: '${1 + 1}'}}\nreturns: {x: base.x, n: n}\n"
     mission = Ticked(tmp_path, "    - mission: inner.yaml\n    - log: ${x} ${n}\n", inner=inner)
     child = next(node for node in mission.root.iterate() if getattr(node, "kind", "") == "set")
@@ -110,5 +110,5 @@ def test_a_mission_that_has_ended_is_not_run_again_for_what_it_returns(tmp_path:
     assert mission.run.variables["x"] == pytest.approx(1.0)
 
 
-def test_what_has_no_such_part_says_that_it_is_not_there() -> None:
+def test_state_of_a_missing_part_is_none() -> None:
     assert state_of(Robot(), ManualClock())["base"].x is None  # which the checker has told

@@ -28,18 +28,18 @@ def thrown(folder: Path, *steps: str, friction: float = 0.9, delay: int = 10, se
 
 
 @pytest.mark.parametrize(("friction", "delay"), [(0.7, 25), (1.1, 0), (0.9, 10)][: tries(2, most=3)])
-def test_it_gets_up_from_its_face_and_stands(tmp_path: Path, friction: float, delay: int) -> None:
+def test_humanoid_gets_up_from_its_face(tmp_path: Path, friction: float, delay: int) -> None:
     ran = thrown(tmp_path, "get_up: {front: get_up_front}", "wait: 3 s", "stand:", friction=friction, delay=delay)
     assert (ran.result, ran.reason) == ("success", "")
 
 
-def test_a_movement_that_does_not_bring_it_up_fails_and_says_so(tmp_path: Path) -> None:
+def test_get_up_with_an_unsuitable_movement_fails(tmp_path: Path) -> None:
     (tmp_path / "kick.yaml").write_text("gesture: kick\nkeyframes:\n  - {at: 1 s, left_knee: 60 deg}\n")
     ran = thrown(tmp_path, f"get_up: {{front: {tmp_path / 'kick.yaml'}}}")
     assert (ran.result, ran.reason) == ("failure", "it did not get up")
 
 
-def test_no_link_hits_another_on_the_way_up_and_no_joint_is_slowed_down() -> None:
+def test_get_up_movement_is_free_of_collisions_and_within_joint_speeds() -> None:
     robot, movement = load_named_robot("humanoid"), lookups.find_gesture("get_up_front")
     legs = robot.keys(LegsKeys)
     assert robot.arm is not None

@@ -42,7 +42,7 @@ def aims(events: list[Event], begin: float, end: float) -> list[float]:
 
 
 @pytest.mark.real_time
-def test_the_simulated_robot_finds_a_person_tracks_and_greets_them_within_5_degrees_of_the_axis() -> None:
+def test_greet_finds_tracks_and_greets_a_person_within_5_degrees() -> None:
     result, events, said = run(RunRequest("greet"))
     assert (result.result, result.reason) == ("success", "")
     assert said == ["Hello!"]
@@ -60,7 +60,7 @@ def test_the_simulated_robot_finds_a_person_tracks_and_greets_them_within_5_degr
     assert max(off) < math.radians(5)
 
 
-def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> None:
+def test_walking_person_stays_tracked(tmp_path: Path) -> None:
     mission = tmp_path / "follow.yaml"
     mission.write_text(
         "mission: follow\ntree:\n  sequence:\n    - find_face:\n      timeout: 20 s\n"
@@ -77,7 +77,7 @@ def test_a_person_who_walks_across_the_view_stays_tracked(tmp_path: Path) -> Non
     assert len(ids) == 1
 
 
-def test_with_nobody_there_greet_fails_and_says_that_no_face_was_found() -> None:
+def test_greet_fails_in_an_empty_world() -> None:
     result, _, said = run(RunRequest("greet", {"patience": "3 s"}, simulate="fast", world="empty"))
     assert result.result == "failure"
     assert "no face found" in result.reason

@@ -53,7 +53,7 @@ def watched() -> Watched:
 # What the guard tells
 
 
-def test_each_hazard_is_reported_when_it_begins_and_when_it_ends(watched: Watched) -> None:
+def test_hazards_are_reported_at_begin_and_end(watched: Watched) -> None:
     for hazards in ({"stall left"}, {"stall left", "hazard of type 9"}, set[str](), set[str]()):
         watched.look(hazards=frozenset(hazards))
     assert watched.told() == [
@@ -65,7 +65,7 @@ def test_each_hazard_is_reported_when_it_begins_and_when_it_ends(watched: Watche
 
 
 @pytest.mark.parametrize("contact", CONTACTS)
-def test_a_contact_is_told_with_its_sides_as_they_change_and_when_it_is_gone(watched: Watched, contact: str) -> None:
+def test_contact_is_reported_with_its_sides_until_it_ends(watched: Watched, contact: str) -> None:
     for sides in (LEFT, LEFT, FRONT, Sides(), Sides()):
         felt: dict[str, Any] = {contact: sides}
         assert not watched.look(**felt)
@@ -76,7 +76,7 @@ def test_a_contact_is_told_with_its_sides_as_they_change_and_when_it_is_gone(wat
     ]
 
 
-def test_buttons_dock_and_charger_are_told(watched: Watched) -> None:
+def test_buttons_dock_and_charger_are_reported(watched: Watched) -> None:
     watched.look(buttons=frozenset({0, 2}))
     watched.look(buttons=frozenset({2}), docked=True)
     watched.look(docked=True, charging=True)
@@ -94,13 +94,13 @@ def test_buttons_dock_and_charger_are_told(watched: Watched) -> None:
     ]
 
 
-def test_what_is_so_from_the_beginning_is_told_too(watched: Watched) -> None:
+def test_initial_latch_and_dock_are_reported(watched: Watched) -> None:
     watched.bench.base.latched = "button 0 was pressed"
     watched.look(docked=True)
     assert watched.told() == [("latched", "button 0 was pressed", True), ("docked", "", True)]
 
 
-def test_a_stop_that_lasts_is_told_with_its_reason_and_when_it_ends_even_without_reports(watched: Watched) -> None:
+def test_latch_is_reported_with_its_reason_without_base_reports(watched: Watched) -> None:
     watched.bench.base.reading = none()
     watched.bench.base.latch("cliff left")
     watched.look()
@@ -119,7 +119,7 @@ def test_a_stale_report_changes_nothing(watched: Watched) -> None:
     assert watched.told() == [("bumper", "left", True)]
 
 
-def test_a_low_battery_is_told_and_a_critical_one_ends_the_mission(watched: Watched) -> None:
+def test_low_battery_is_reported_and_critical_battery_ends_the_mission(watched: Watched) -> None:
     assert not watched.look(battery_percent=20.0)
     assert not watched.look(after=CONFIRM_TIME)
     assert watched.told() == [("battery_low", "20 %", True)]
@@ -135,12 +135,12 @@ def test_a_low_battery_is_told_and_a_critical_one_ends_the_mission(watched: Watc
     ]
 
 
-def test_all_that_is_told_has_its_name() -> None:
+def test_reflex_names_are_complete_and_unique() -> None:
     assert set(REFLEXES) >= {*CONTACTS, "battery_low", "battery_critical"}
     assert len(set(REFLEXES)) == len(REFLEXES)
 
 
-def test_expressions_read_what_the_guard_knows_of_the_battery(watched: Watched) -> None:
+def test_battery_state_in_expressions_comes_from_the_guard(watched: Watched) -> None:
     state = state_of(watched.bench.robot, watched.bench.clock, watched.guard)
     watched.look(battery_percent=20.0)
     watched.look(after=CONFIRM_TIME)
@@ -153,7 +153,7 @@ def test_expressions_read_what_the_guard_knows_of_the_battery(watched: Watched) 
             getattr(battery, name)
 
 
-def test_expressions_read_who_drives_the_base_and_what_it_stands_on(watched: Watched) -> None:
+def test_base_state_in_expressions_has_driver_dock_and_button(watched: Watched) -> None:
     base = state_of(watched.bench.robot, watched.bench.clock)["base"]
 
     def read() -> list[object]:
@@ -206,14 +206,14 @@ def test_a_critical_battery_halts_the_tree_and_is_the_reason_of_the_failure(watc
     assert (result.result, result.reason) == ("failure", "battery critical: 9 %")
 
 
-def test_a_tree_that_needs_time_to_halt_gets_it(watched: Watched) -> None:
+def test_critical_battery_gives_the_tree_time_to_halt(watched: Watched) -> None:
     run = executive(watched, Slow("slow"))
     run.tick()
     critical(watched)
     assert [run.tick() for _ in range(3)] == [Status.RUNNING, Status.RUNNING, Status.FAILURE]
 
 
-def test_a_tree_that_never_halts_is_brought_to_rest(watched: Watched) -> None:
+def test_tree_that_never_halts_is_safe_stopped(watched: Watched) -> None:
     leaf = Slow("slow")
     leaf.ticks = -1
     run = executive(watched, leaf)
@@ -225,7 +225,7 @@ def test_a_tree_that_never_halts_is_brought_to_rest(watched: Watched) -> None:
     assert HALT_TIMEOUT <= result.seconds - 100.0 - CONFIRM_TIME <= HALT_TIMEOUT + 0.5
 
 
-def test_a_mission_ticked_by_hand_begins_anew_once_the_battery_is_good_again(watched: Watched) -> None:
+def test_mission_restarts_once_the_battery_is_charged(watched: Watched) -> None:
     run = executive(watched, DriveLeaf("drive"))
     run.tick()
     critical(watched)
@@ -235,7 +235,7 @@ def test_a_mission_ticked_by_hand_begins_anew_once_the_battery_is_good_again(wat
     assert isinstance(watched.bench.base.commands[-1], Velocity)
 
 
-def test_a_signal_is_the_end_of_a_mission_that_is_being_ended(watched: Watched) -> None:
+def test_signal_interrupts_a_mission_that_is_halting(watched: Watched) -> None:
     run = executive(watched, Slow("slow"))
     run.tick()
     critical(watched)
@@ -244,7 +244,7 @@ def test_a_signal_is_the_end_of_a_mission_that_is_being_ended(watched: Watched) 
     assert run.loop().result == "interrupted"
 
 
-def test_a_person_who_enables_the_base_enables_all_else(watched: Watched) -> None:
+def test_enable_button_enables_all_parts(watched: Watched) -> None:
     bench, enabled = watched.bench, []
     guard = BaseGuard(
         bench.base,

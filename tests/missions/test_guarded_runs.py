@@ -71,7 +71,7 @@ def hall(*people: PersonConfig) -> WorldConfig:
     return replace(load_world(find_file("worlds", "empty")), people=people)
 
 
-def test_a_drive_towards_somebody_fails_before_it_gets_there_and_says_why(tmp_path: Path) -> None:
+def test_drive_towards_an_obstacle_fails_before_contact(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, "drive: {distance: 4 m, speed: 0.5 m/s}", load_world(find_file("worlds", "obstacles")))
     result = ran.run()
     assert result.result == "failure"
@@ -80,7 +80,7 @@ def test_a_drive_towards_somebody_fails_before_it_gets_there_and_says_why(tmp_pa
 
 
 @pytest.mark.parametrize("tree", ["go_to: {x: 2 m, y: 0 m}", "arc: {radius: 3 m, angle: 60 deg}", "drive: -3 m"])
-def test_every_motion_that_is_held_up_for_five_seconds_fails(tmp_path: Path, tree: str) -> None:
+def test_motion_fails_after_five_seconds_before_an_obstacle(tmp_path: Path, tree: str) -> None:
     places = {"go_to": (1.0, 0.0), "arc": (1.0, 0.17), "drive": (-1.0, 0.0)}
     x, y = places[tree.partition(":")[0]]
     ran = GuardedRun(tmp_path, tree, hall(PersonConfig(name="Anna", look="anna", at=(x, y))))
@@ -92,7 +92,7 @@ def test_every_motion_that_is_held_up_for_five_seconds_fails(tmp_path: Path, tre
     assert ran.least_clear > 0.03
 
 
-def test_who_gets_out_of_the_way_in_time_costs_a_drive_a_moment_alone(tmp_path: Path) -> None:
+def test_drive_continues_when_the_obstacle_leaves(tmp_path: Path) -> None:
     anna = PersonConfig(name="Anna", look="anna", at=(1.0, 0.0), path=((1.0, 2.0),), speed=0.8, start=7.0, loop=False)
     ran = GuardedRun(tmp_path, "drive: {distance: 2 m}", hall(anna))
     result = ran.run()
@@ -100,7 +100,7 @@ def test_who_gets_out_of_the_way_in_time_costs_a_drive_a_moment_alone(tmp_path: 
     assert 13.0 < result.seconds < 19.0
 
 
-def test_a_robot_file_can_switch_it_off_by_a_word(tmp_path: Path) -> None:
+def test_range_guard_can_be_disabled_in_the_robot_file(tmp_path: Path) -> None:
     lines = {"  reflexes:\n": "  range_guard: off\n  reflexes:\n"}
     ran = GuardedRun(
         tmp_path, "drive: {distance: 3 m}", hall(PersonConfig(name="Anna", look="anna", at=(1.0, 0.0))), lines=lines
@@ -109,7 +109,7 @@ def test_a_robot_file_can_switch_it_off_by_a_word(tmp_path: Path) -> None:
     assert "range" not in ran.twins.parts
 
 
-def test_the_page_drives_nobody_down(tmp_path: Path) -> None:
+def test_range_guard_applies_to_driving_from_the_studio(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, STANDS, hall(PersonConfig(name="Anna", look="anna", at=(1.0, 0.0))))
     base, clock = ran.runner.assembled_robot.robot.base, ran.twins.timeline.clock
     wheels, number = WheelArbiter(base, None, clock), iter(range(1, 10_000))
@@ -122,7 +122,7 @@ def test_the_page_drives_nobody_down(tmp_path: Path) -> None:
     assert 0.03 < ran.least_clear < 0.08
 
 
-def test_without_scans_the_base_stands_the_leaf_fails_and_it_is_told(tmp_path: Path) -> None:
+def test_drive_without_scans_fails_with_a_notice(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, "drive: {distance: 4 m}", hall())
     ranger = ran.twins.parts["range"]
     ran.twins.timeline.call_at(4.0, ranger.plug.unplug)
@@ -140,7 +140,7 @@ def guarded(robot: str) -> RobotConfig:
     return load_robot(find_file("robots", robot))
 
 
-def test_a_base_brings_its_range_finder_along_and_a_robot_without_one_nothing() -> None:
+def test_base_with_range_guard_requires_its_range_finder() -> None:
     assert with_carriers(guarded("turtlebot2"), frozenset({"base"})) == {"base", "range"}
     assert with_carriers(guarded("turtlebot2"), frozenset({"voice"})) == {"voice"}
     assert with_carriers(guarded("wave_rover"), frozenset({"base"})) == {"base"}
@@ -148,14 +148,14 @@ def test_a_base_brings_its_range_finder_along_and_a_robot_without_one_nothing() 
 
 
 @pytest.mark.parametrize("robot", ["turtlebot2", "turtlebot3", "turtlebot4"])
-def test_all_shipped_robots_with_a_range_finder_stop_before_somebody(tmp_path: Path, robot: str) -> None:
+def test_shipped_robots_with_a_range_finder_stop_before_a_person(tmp_path: Path, robot: str) -> None:
     anna = PersonConfig(name="Anna", look="anna", at=(1.0, 0.0))
     ran = GuardedRun(tmp_path, "drive: {distance: 3 m}", hall(anna), robot=robot)
     assert re.match(r"something is in the way, \d+ cm ahead", ran.run().reason)
     assert ran.least_clear > 0.02
 
 
-def test_a_leaf_of_a_user_cannot_drive_past_it(tmp_path: Path) -> None:
+def test_range_guard_applies_to_foreign_commands(tmp_path: Path) -> None:
     ran = GuardedRun(tmp_path, STANDS, hall(PersonConfig(name="Anna", look="anna", at=(1.0, 0.0))))
     base = ran.twins.base
     assert base is not None

@@ -67,9 +67,9 @@ def test_once_around_a_guard_gets_a_hint(node: str) -> None:
 
 
 @pytest.mark.parametrize("node", DONE)
-def test_once_around_what_was_done_gets_none(node: str) -> None:
+def test_once_around_an_action_gets_no_hint(node: str) -> None:
     assert hints(node) == []
 
 
-def test_the_missions_that_ship_remember_no_guard() -> None:
+def test_shipped_missions_have_no_once_around_a_guard() -> None:
     assert not [name for name in shipped_missions() if find_once_guards(load_mission(name).tree)]

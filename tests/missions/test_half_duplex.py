@@ -8,7 +8,7 @@ from missions.assembly.half_duplex import ECHO_TIME, HalfDuplex
 from missions.plugins.testing.recorders import LeafTestBench
 
 
-def test_sound_is_its_own_from_the_first_word_until_the_echo_has_gone() -> None:
+def test_own_speech_lasts_until_its_echo_has_ended() -> None:
     bench = LeafTestBench()
     duplex = HalfDuplex(bench.voice, bench.clock)
     began = bench.clock.now()
@@ -42,14 +42,14 @@ def test_a_pause_shorter_than_an_echo_is_none() -> None:
     assert duplex.may_be_own_speech(began + 1.0, began + 1.05)
 
 
-def test_what_waits_to_be_said_is_not_heard_yet() -> None:
+def test_queued_utterance_is_not_own_speech_yet() -> None:
     bench = LeafTestBench()
     bench.voice.say("Hello").started = None
     assert not HalfDuplex(bench.voice, bench.clock).may_be_own_speech(0.0, bench.clock.now() + 1.0)
 
 
 @pytest.mark.parametrize("text", ["Hello", ""])
-def test_a_voice_that_takes_no_time_and_none_at_all_make_nobody_deaf_for_good(text: str) -> None:
+def test_half_duplex_ends_with_an_instant_voice_or_no_voice(text: str) -> None:
     clock = ManualClock()
     voice = PrintedVoice(clock, lambda _: None)
     voice.open()

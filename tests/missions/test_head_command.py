@@ -40,7 +40,7 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
     return lambda *arguments: command(capsys, "head", *arguments)
 
 
-def test_the_head_looks_where_it_is_told_and_says_where_its_limits_were(mission: Mission) -> None:
+def test_head_look_reports_angles_limited_by_its_range(mission: Mission) -> None:
     outcome = mission("look", "--pan", "100", "--tilt", "5")
     assert (outcome.code, outcome.out) == (0, "looks at +80, +5 deg, the limit for +100, +5 deg\n")
 
@@ -67,9 +67,7 @@ def stands(board: VirtualRodney, clock: PatientClock, degrees: tuple[int, int]) 
     return (board.angle(0, clock.now()), board.angle(1, clock.now())) == degrees
 
 
-def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap(
-    mission: Mission, clock: PatientClock
-) -> None:
+def test_head_does_not_jump_between_two_commands(mission: Mission, clock: PatientClock) -> None:
     board = VirtualRodney(tacho=True)
     terminal = PseudoTerminal("teensy", board, clock)
     terminal.open()
@@ -89,7 +87,7 @@ def test_from_one_command_to_the_next_a_board_that_goes_on_running_makes_no_leap
 @pytest.mark.parametrize(
     "words", [("look", "--pan", "20"), ("center",), ("trim", "--pan", "1")], ids=lambda each: each[0]
 )
-def test_a_board_that_nobody_knows_is_warned_of_before_its_head_moves(
+def test_head_command_warns_of_an_unknown_board_before_motion(
     mission: Mission, clock: PatientClock, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
 ) -> None:
     board, told = VirtualRodney(tacho=True), list[tuple[str, int]]()
@@ -124,7 +122,7 @@ def test_the_delay_of_the_camera_is_found_while_the_head_looks_about(mission: Mi
     assert int(found[3]) >= MIN_SAMPLES
 
 
-def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(mission: Mission) -> None:
+def test_head_trim_is_saved_on_request_without_other_changes(mission: Mission) -> None:
     before = Path("mine.yaml").read_text()
     outcome = mission("trim", "--robot", "mine.yaml", "--simulate", "--pan", "4", "--tilt", "-3.5")
     assert (outcome.code, Path("mine.yaml").read_text()) == (0, before)
@@ -141,7 +139,7 @@ def test_a_trim_is_kept_on_request_and_nothing_else_in_the_file_is_changed(missi
     assert (head.pan.trim, head.tilt.trim) == pytest.approx((radians(4), radians(-3.5)))
 
 
-def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission: Mission) -> None:
+def test_head_trim_never_writes_a_shipped_robot_file(mission: Mission) -> None:
     before = SHIPPED.read_bytes()
     outcome = mission("trim", "--pan", "4", "--keep")
     assert (outcome.code, SHIPPED.read_bytes()) == (2, before)
@@ -159,7 +157,7 @@ def test_a_shipped_robot_is_never_written_and_the_way_to_a_copy_is_told(mission:
         (("where", "--robot", "bodiless.yaml"), 2, "bodiless has no head"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_words(
+def test_invalid_teleop_arguments_are_refused_with_a_reason(
     mission: Mission, arguments: tuple[str, ...], code: int, words: str
 ) -> None:
     Path("bodiless.yaml").write_text("robot: bodiless\n")
@@ -201,7 +199,7 @@ def by_hand(typed: bytes, head: Straightened, signs: tuple[int, int] = (1, 1)) -
         os.close(slave)
 
 
-def test_arrows_turn_the_head_itself_whichever_way_its_servos_turn() -> None:
+def test_arrow_keys_trim_the_head_in_the_shown_direction() -> None:
     for signs in ((1, 1), (1, -1), (-1, 1)):
         head = Straightened()
         kept, shown = by_hand(b"\x1b[D\x1b[D\x1bOA\r", head, signs)
@@ -217,19 +215,19 @@ def test_the_step_can_be_changed_and_the_trim_undone() -> None:
 
 
 @pytest.mark.parametrize("ending", [b"q", b"\x1b", b"\x04"], ids=["q", "escape", "ctrl-d"])
-def test_who_thinks_better_of_it_gets_the_trims_back_as_they_were(ending: bytes) -> None:
+def test_cancelled_trim_restores_the_previous_trims(ending: bytes) -> None:
     head = Straightened()
     kept, _ = by_hand(b"\x1b[D\x1b[A\x1b[1;2Cx" + ending, head)
     assert (kept, head.trims) == (False, (0.1, -0.1))
 
 
-def test_a_trim_goes_as_far_as_it_may() -> None:
+def test_trim_is_limited() -> None:
     head = Straightened()
     by_hand(b"++" + 20 * b"\x1b[D" + b"\r", head)
     assert radians(40) < head.trims[0] <= radians(45)
 
 
-def test_the_terminal_is_as_before_whatever_ends_it() -> None:
+def test_terminal_is_restored_after_an_interrupt() -> None:
     master, slave = pty.openpty()
     try:
         before, handler = termios.tcgetattr(slave), signal.getsignal(signal.SIGTERM)
@@ -251,7 +249,7 @@ def _hang_up_while_reading(terminal: int) -> None:
         keys.read(5.0)
 
 
-def test_an_arrow_that_comes_byte_by_byte_is_one_key_and_a_closed_terminal_is_the_end() -> None:
+def test_key_reader_joins_split_escape_sequences_and_ends_with_the_terminal() -> None:
     master, slave = pty.openpty()
     try:
         with KeyReader(slave) as keys:

@@ -29,7 +29,7 @@ def lines(result: Result) -> list[list[str]]:
     return [line.split(None, 3)[2:] for line in result.output.splitlines()[1:]]
 
 
-def test_each_phrase_is_told_and_all_else_refused(wav: Path) -> None:
+def test_hear_accepts_phrases_and_refuses_other_speech(wav: Path) -> None:
     result = hear("--for", "yes please, hello rodney", "--wav", str(wav))  # a name, which the synthesiser pronounces
     assert result.output.startswith("listening for: yes please, hello rodney\n")
     first, second, third = lines(result)
@@ -38,13 +38,13 @@ def test_each_phrase_is_told_and_all_else_refused(wav: Path) -> None:
     assert third[1].startswith("hello rodney  (score +")
 
 
-def test_phrases_that_are_easily_confused_are_told(wav: Path) -> None:
+def test_hear_warns_of_easily_confused_phrases(wav: Path) -> None:
     said = "mission: 'go' and 'no' are easily confused\n  try: another or a longer phrase\n"
     assert said in hear("--for", "go, no, hello", "--wav", str(wav)).stderr
     assert not hear("--for", "yes please, hello", "--wav", str(wav)).stderr
 
 
-def test_a_threshold_may_be_asked_for(wav: Path) -> None:
+def test_hear_applies_the_threshold(wav: Path) -> None:
     told = lines(hear("--for", "yes please, hello rodney", "--wav", str(wav), "--threshold", "9"))
     assert {verdict for verdict, _ in told} == {"refused"}
 
@@ -76,7 +76,7 @@ def test_phrases_may_be_params_and_stand_in_leaves_of_ones_own(wav: Path, tmp_pa
 
 
 @pytest.mark.parametrize("recogniser", ["vosk", "sherpa"])
-def test_without_its_recogniser_it_says_how_to_get_that_one(
+def test_hear_without_its_recogniser_hints_at_the_extra(
     recogniser: str, wav: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("missions.plugins.setup.hear.RECOGNITION_TIMEOUT", 0.5)
@@ -87,7 +87,7 @@ def test_without_its_recogniser_it_says_how_to_get_that_one(
     assert f"missiontree[{recogniser}]" in error.hint
 
 
-def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:
+def test_hear_refuses_words_without_a_pronunciation(wav: Path) -> None:
     error = hear("--for", "schön", "--wav", str(wav)).exception
     assert isinstance(error, BadRequest)
     assert "unknown pronunciation: schön" in str(error)
@@ -107,7 +107,7 @@ def test_what_the_checker_refuses_is_not_listened_for_either(wav: Path) -> None:
         (("--for", "yes", "--threshold", "11"), "must be between -10 and 10"),
     ],
 )
-def test_what_cannot_be_listened_for_is_said(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
+def test_hear_refuses_invalid_arguments(arguments: tuple[str, ...], said: str, tmp_path: Path) -> None:
     robot = tmp_path / "head.yaml"
     robot.write_text("robot: head\nvoice: {}\n", encoding="utf-8")
     result = hear(*(str(robot) if each == "head" else each for each in arguments))
@@ -115,7 +115,7 @@ def test_what_cannot_be_listened_for_is_said(arguments: tuple[str, ...], said: s
     assert said in result.output
 
 
-def test_a_recording_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_hear_names_a_missing_recording(tmp_path: Path) -> None:
     error = hear("--for", "yes", "--wav", str(tmp_path / "none.wav")).exception
     assert isinstance(error, NotConnected)
     assert "none.wav: no such file" in str(error)

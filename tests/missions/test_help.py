@@ -66,9 +66,7 @@ def parsed(words: Sequence[str]) -> click.Context:
 
 
 @pytest.mark.parametrize("path", ALL, ids=lambda path: " ".join(path) or "mission")
-def test_every_help_has_an_example_of_its_command_that_parses(
-    path: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_help_has_a_valid_example(path: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     for name in FILES:
         Path(name).touch()
@@ -77,16 +75,16 @@ def test_every_help_has_an_example_of_its_command_that_parses(
     parsed(words)
 
 
-def test_no_help_tells_of_bounds_that_there_are_not() -> None:
+def test_help_shows_no_bounds_of_none() -> None:
     assert not [path for path in ALL if "=None" in help_of(path)]
 
 
-def test_an_example_with_an_option_that_is_not_there_does_not_parse() -> None:
+def test_example_with_an_unknown_option_is_invalid() -> None:
     with pytest.raises(click.NoSuchOption):
         parsed(["run", "greet", "--fly"])
 
 
-def test_the_help_of_the_command_lists_each_subcommand_once_in_its_group() -> None:
+def test_help_lists_each_command_once_in_its_group() -> None:
     lines = help_of(()).splitlines()
     titles = [lines.index(f"{title}:") for title in GROUPS]
     assert titles == sorted(titles)
@@ -97,7 +95,7 @@ def test_the_help_of_the_command_lists_each_subcommand_once_in_its_group() -> No
     assert len(lines) < 60, "the help fits on a screen: no line on a command takes two"
 
 
-def test_there_are_at_most_30_commands_at_the_top_and_330_options() -> None:
+def test_number_of_commands_and_options_is_limited() -> None:
     assert len(mission.list_commands(click.Context(mission))) <= 30
     own = [each for of in ALL.values() for each in of.params if isinstance(each, click.Option)]
     shared = {(path[:-1], each.name) for path, of in ALL.items() for each in getattr(of, "shared", ())}

@@ -30,11 +30,13 @@ def said(folder: Path, steps: str, *, head: str = "", name: str = "m") -> list[s
         ("not (answer in ['yes', 'maybe'])", "'answer' is never 'maybe'; it can be: No thanks, yes"),
     ],
 )
-def test_a_text_that_is_none_of_the_phrases_is_a_mistake(tmp_path: Path, expression: str, hint: str) -> None:
+def test_comparison_of_an_answer_with_an_impossible_text_is_a_mistake(
+    tmp_path: Path, expression: str, hint: str
+) -> None:
     assert said(tmp_path, f'{LISTEN}    - say: x\n      if: "{expression}"\n') == [f"7: 'if': {hint}"]
 
 
-def test_so_is_a_case_of_a_switch(tmp_path: Path) -> None:
+def test_switch_case_that_is_no_phrase_is_a_mistake(tmp_path: Path) -> None:
     steps = f"{LISTEN}    - switch: {{on: answer, cases: {{yes: succeed, 'no': stop}}, default: succeed}}\n"
     assert said(tmp_path, steps) == ["6: 'switch': 'answer' is never 'no'; it can be: No thanks, yes"]
 
@@ -49,7 +51,7 @@ def test_so_is_a_case_of_a_switch(tmp_path: Path) -> None:
         "    - say: x\n      if: answer < 'b'\n",
     ],
 )
-def test_what_the_answer_may_be_is_no_mistake(tmp_path: Path, more: str) -> None:
+def test_comparison_of_an_answer_with_a_phrase_is_accepted(tmp_path: Path, more: str) -> None:
     assert said(tmp_path, LISTEN + more) == []
 
 
@@ -59,7 +61,7 @@ def test_a_phrase_with_a_param_may_be_anything(tmp_path: Path) -> None:
     assert said(tmp_path, steps, head=head) == []
 
 
-def test_a_mission_inside_has_answers_of_its_own(tmp_path: Path) -> None:
+def test_submission_has_its_own_answers(tmp_path: Path) -> None:
     inner = "    - listen: [tea, milk]\n      as: answer\n    - say: x\n      if: answer == 'tee'\n"
     assert said(tmp_path, inner, name="inner") == ["7: 'if': 'answer' is never 'tee'; did you mean 'tea'?"]
     outer = f"{LISTEN}    - mission: inner.yaml\n    - say: x\n      if: answer == 'yes'\n"

@@ -72,7 +72,7 @@ def test_a_variable_may_hold_all_angles() -> None:
         ('{elbow: "${base.heading}"}', ": the values must be known before the mission starts: numbers or params"),
     ],
 )
-def test_angles_that_are_none_are_told(to: str, message: str) -> None:
+def test_invalid_joint_angles_are_reported(to: str, message: str) -> None:
     (found,) = faults(f"move_joints: {{to: {to}}}")
     assert found.startswith("'move_joints': 'to'")
     assert found.endswith(message)
@@ -87,7 +87,7 @@ def test_joints_are_a_name_or_a_list_of_names(written: str, names: tuple[str, ..
 
 
 @pytest.mark.parametrize("written", ["[]", "[[elbow]]", "[{a: b}]", "' '", "{a: b}"])
-def test_joints_that_are_none_are_told(written: str) -> None:
+def test_invalid_joint_lists_are_reported(written: str) -> None:
     assert len(faults(f"joint_hot: {{joints: {written}}}")) == 1
 
 
@@ -99,7 +99,7 @@ def test_torque_is_on_or_off(written: str, on: bool) -> None:
     assert constants(f"torque: {{stiff: {written}, joints: elbow}}")["stiff"] is on
 
 
-def test_on_and_off_are_words_where_they_stand() -> None:
+def test_on_and_off_are_read_as_text() -> None:
     """YAML 1.1 would make truth values of them, the key of ``{on: off}`` included."""
     root = compose(SourceText("m.yaml", "torque: {on: off}"))
     assert isinstance(root, Mapping)
@@ -115,7 +115,7 @@ def test_torque_is_nothing_else(written: str) -> None:
     assert faults(f"torque: {written}") == [f"'torque' needs true or false, got '{written}'"]
 
 
-def test_a_temperature_has_its_unit() -> None:
+def test_temperature_needs_a_unit() -> None:
     assert constants("joint_hot: {over: 55 degC}")["over"] == 55.0
     assert faults("joint_hot: {over: 55}") == [
         "'joint_hot': 'over' needs a temperature such as '60 degC': '55' has no unit (units: degC)"
@@ -136,7 +136,7 @@ def test_a_move_is_a_gesture_by_name_or_a_file(tmp_path: Path) -> None:
     assert [frame.positions[ELBOW] for frame in lift.keyframes] == [0.1, 0.4, 0.2]
 
 
-def test_a_move_that_is_not_there_or_wrong_is_told(tmp_path: Path) -> None:
+def test_missing_or_invalid_move_is_reported(tmp_path: Path) -> None:
     assert faults("play: gaitt") == ["'play' needs a move: unknown move 'gaitt'; did you mean 'gait'?"]
     sheet = tmp_path / "lift.csv"
     sheet.write_text("time,left_elbow\n0,0.1\n0.5,none\n", encoding="utf-8")
@@ -168,7 +168,7 @@ def test_a_new_move_has_the_name_of_a_file() -> None:
         "record_move: {move: mine, joints: left_arm}",
     ],
 )
-def test_what_the_robot_can_do_is_right(text: str) -> None:
+def test_joint_steps_the_robot_can_do_pass_the_check(text: str) -> None:
     assert step(text, robot=True).leaf is not None
 
 
@@ -191,14 +191,14 @@ def test_what_the_robot_can_do_is_right(text: str) -> None:
         ("record_move: {move: mine, joints: tail}", ["no joint or group 'tail'"]),
     ],
 )
-def test_what_it_cannot_do_is_told_at_its_line_all_at_once(text: str, misfits: list[str]) -> None:
+def test_joint_steps_the_robot_cannot_do_are_reported_completely(text: str, misfits: list[str]) -> None:
     (message,) = faults(f"sequence:\n    - succeed\n    - {text}", robot=True)
     assert message.startswith(f"'{text.partition(':')[0]}' cannot be done by robot 'humanoid': ")
     assert [misfit for misfit in misfits if misfit not in message] == []
     assert step(text) is not None, "where no robot is named"
 
 
-def test_joints_that_somebody_else_has_opened_are_asked_too(tmp_path: Path) -> None:
+def test_joints_of_an_opened_robot_are_checked(tmp_path: Path) -> None:
     file = tmp_path / "m.yaml"
     file.write_text("mission: m\ntree: {torque: {stiff: off, joints: [upper, tail]}}\n", encoding="utf-8")
     robot = Robot(arm_part=LeafTestBench().arm, groups={"upper": ("shoulder",)})
@@ -206,12 +206,12 @@ def test_joints_that_somebody_else_has_opened_are_asked_too(tmp_path: Path) -> N
         missions.load(file, robot=robot)
 
 
-def test_what_is_known_only_when_it_runs_is_left_to_the_run() -> None:
+def test_joints_in_a_variable_are_checked_at_run_time() -> None:
     text = "sequence: [{set: {pose: {tail: 1 deg}}}, {move_joints: {to: '${pose}'}}]"
     assert step(text, robot=True) is not None
 
 
-def test_a_robot_without_an_arm_is_told_as_such_and_nothing_else() -> None:
+def test_missing_arm_is_the_only_mistake_of_play() -> None:
     target = HUMANOID._replace(parts=frozenset({"voice"}), reaches={})
     with pytest.raises(InvalidFileError) as caught:
         check_plan(SourceText("m.yaml", "mission: m\ntree: {play: gait}\n"), LEAVES, LOOKUPS, robot=target)
@@ -231,7 +231,7 @@ def refused(text: str, robot: str) -> Diagnostic:
     return fault
 
 
-def test_a_gesture_that_the_robot_cannot_do_names_those_that_it_can() -> None:
+def test_unsuitable_gesture_suggests_the_possible_ones() -> None:
     fault = refused("gesture: hello", "so101")
     assert fault.message.startswith("'gesture' cannot be done by robot 'so101': the arm has no joints 'elbow'")
     assert fault.suggestion == "it can do: arm_wave"
@@ -252,7 +252,7 @@ def test_where_no_gesture_fits_one_is_to_be_recorded() -> None:
         "selector: [gesture: hello, nod]",
     ],
 )
-def test_an_alternative_that_the_robot_cannot_do_is_a_hint_where_another_follows(robot: str, first: str) -> None:
+def test_impossible_selector_child_is_a_hint_if_another_follows(robot: str, first: str) -> None:
     target = target_of(load_robot(shipped_files("robots")[robot]))
     source = SourceText("m.yaml", f"mission: m\ntree:\n  selector: [{{sequence: [{first}]}}, nod]\n")
     plan = check_plan(source, LEAVES, LOOKUPS, robot=target)
@@ -276,5 +276,5 @@ def test_an_alternative_that_the_robot_cannot_do_is_a_hint_where_another_follows
         "selector: [{parallel: [gesture: hello, drive: 1 m], wait_for_all: true}, nod]",  # drives before it fails
     ],
 )
-def test_any_other_step_that_the_robot_cannot_do_is_a_mistake(tree: str) -> None:
+def test_impossible_step_is_a_mistake(tree: str) -> None:
     assert "pi_car" in refused(tree, "pi_car").message

@@ -46,7 +46,7 @@ def told() -> Iterator[Told]:
     told.twin.close()
 
 
-def test_hold_and_relax_tell_which_joints_they_are_for(told: Told) -> None:
+def test_hold_and_relax_commands_name_their_joints(told: Told) -> None:
     told.joints.hold()
     told.joints.relax(["wrist"])
     told.joints.hold(["wrist"])
@@ -57,7 +57,7 @@ def test_hold_and_relax_tell_which_joints_they_are_for(told: Told) -> None:
         told.joints.relax(["knee"])
 
 
-def test_following_is_told_with_who_leads_whom_and_needs_leave_to_begin_but_not_to_end(told: Told) -> None:
+def test_follow_command_needs_a_permit_to_begin_but_not_to_end(told: Told) -> None:
     told.joints.follow([Coupling("elbow", "wrist", scale=-1.0)])
     told.twin.turn_by_hand("elbow", 0.4)
     told.timeline.run_until(1.0)
@@ -71,13 +71,13 @@ def test_following_is_told_with_who_leads_whom_and_needs_leave_to_begin_but_not_
     assert len(told.commands) == 2
 
 
-def test_recovering_is_told_with_the_joints_that_took_it(told: Told) -> None:
+def test_recover_command_names_the_recovered_joints(told: Told) -> None:
     told.twin.overload("wrist")
     assert told.joints.recover() == ("wrist",)
     assert told.commands == [{"recover": ["wrist"]}]
     assert told.permits == 1
 
 
-def test_the_goals_told_are_those_accepted(told: Told) -> None:
+def test_move_command_records_the_accepted_goals(told: Told) -> None:
     assert told.joints.move({"wrist": 2.0}) == {"wrist": 1.0}
     assert told.commands == [{"wrist": 1.0}]

@@ -46,7 +46,7 @@ LATEST = 4.0
 """Seconds after their start by which the first of them is killed: some have not opened their base, some drive."""
 
 
-def test_a_process_killed_at_any_moment_of_driving_leaves_a_base_that_comes_to_rest(
+def test_base_stops_after_the_driving_process_is_killed(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     for name, step in MOTIONS.items():
@@ -68,7 +68,7 @@ def test_a_process_killed_at_any_moment_of_driving_leaves_a_base_that_comes_to_r
     assert max(took) <= WITHIN
 
 
-def test_a_process_killed_at_any_moment_since_its_start_leaves_nothing_behind_but_its_record(
+def test_killed_process_leaves_only_its_record(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, record_property: Callable[[str, object], None]
 ) -> None:
     mission = tmp_path / "straight.yaml"

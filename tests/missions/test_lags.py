@@ -53,7 +53,7 @@ def known(config: RobotConfig) -> tuple[float, float | None]:
     return lags.delay.seconds, lags.lag.seconds if lags.lag.learnt else None
 
 
-def test_delays_that_are_known_well_are_believed_by_the_next_run(rodney: RobotConfig) -> None:
+def test_learnt_delays_are_used_by_the_next_run(rodney: RobotConfig) -> None:
     assert known(rodney) == (0.02, None)
     learn(rodney, camera=0.042)
     assert known(rodney) == (0.042, None)
@@ -63,7 +63,7 @@ def test_delays_that_are_known_well_are_believed_by_the_next_run(rodney: RobotCo
     assert known(rodney) == (-0.01, 0.19)
 
 
-def test_they_hold_for_their_robot_file_alone(tmp_path: Path, rodney: RobotConfig) -> None:
+def test_learnt_delays_apply_only_to_their_robot_file(tmp_path: Path, rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
     assert known(robot(tmp_path, more="voice: {}\n")) == (0.02, None)
     assert known(robot(tmp_path, "another")) == (0.02, None)
@@ -78,13 +78,13 @@ def test_no_name_leads_out_of_the_folder(tmp_path: Path) -> None:
     assert [path.parent for path in tmp_path.rglob("*.json")] == [delays_file("rodney").parent]
 
 
-def test_what_is_hardly_known_is_not_kept(rodney: RobotConfig) -> None:
+def test_uncertain_delays_are_not_stored(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19, spread=2 * MAX_LAG_SIGMA)
     learn(rodney, camera=0.042, base=0.19, times=MIN_SAMPLES - 1)
     assert not delays_file("rodney").exists()
 
 
-def test_a_delay_that_jitters_is_impossible_or_in_doubt_is_not_kept(rodney: RobotConfig) -> None:
+def test_implausible_or_distrusted_delay_is_not_stored(rodney: RobotConfig) -> None:
     for camera in (-0.098, -0.07, 0.26):
         learn(rodney, camera=camera)
     for name, value in (("jitter", 0.02), ("is_distrusted", True)):
@@ -95,7 +95,7 @@ def test_a_delay_that_jitters_is_impossible_or_in_doubt_is_not_kept(rodney: Robo
     assert not delays_file("rodney").exists()
 
 
-def test_a_kept_delay_that_proves_wrong_is_dropped(rodney: RobotConfig) -> None:
+def test_distrusted_stored_delay_is_dropped(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
     lags = LearntDelays(rodney, simulated=False)
     lags.delay.is_distrusted = True
@@ -103,14 +103,14 @@ def test_a_kept_delay_that_proves_wrong_is_dropped(rodney: RobotConfig) -> None:
     assert known(rodney) == (0.02, 0.19)
 
 
-def test_a_kept_delay_of_before_that_is_impossible_counts_as_none(rodney: RobotConfig) -> None:
+def test_impossible_stored_delay_is_ignored(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
     text = delays_file("rodney").read_text()
     delays_file("rodney").write_text(text.replace("0.042", "-0.0931"))
     assert known(rodney) == (0.02, 0.19)
 
 
-def test_the_delay_of_another_camera_is_neither_taken_nor_kept(rodney: RobotConfig) -> None:
+def test_delay_of_another_camera_is_neither_used_nor_stored(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042, base=0.19)
     lags = LearntDelays(rodney, simulated=False, other_camera=True)
     assert (lags.delay.seconds, lags.lag.seconds) == (0.0, 0.19)
@@ -129,7 +129,7 @@ def test_a_simulated_robot_neither_takes_nor_keeps(rodney: RobotConfig) -> None:
     assert delays_file("rodney").read_bytes() == before
 
 
-def test_a_file_that_is_damaged_counts_as_none(rodney: RobotConfig) -> None:
+def test_damaged_delays_file_is_ignored(rodney: RobotConfig) -> None:
     learn(rodney, camera=0.042)
     of = json.loads(delays_file("rodney").read_text())["robot_file"]
     values = ('"x"', "9.0", "NaN", "Infinity", "-1e999", "true", "null", "[0.01]", "{}", "1" * 500)

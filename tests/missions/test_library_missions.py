@@ -72,7 +72,7 @@ class Drive:
         ("circle_clockwise", {"radius": "0.5 m", "speed": "0.3 m/s"}, (0.0, 0.0, -360.0)),
     ],
 )
-def test_a_motion_ends_where_it_should(
+def test_motion_missions_end_at_the_expected_pose(
     name: str, params: Mapping[str, str], expected: tuple[float, float, float]
 ) -> None:
     drive = Drive(f"motions/{name}", **params)
@@ -86,7 +86,7 @@ def test_a_motion_ends_where_it_should(
     ("name", "width", "height"),
     [("square", 0.4, 0.4), ("triangle", 0.4, 0.4 * math.sin(math.pi / 3)), ("circle_anticlockwise", 0.8, 0.8)],
 )
-def test_a_figure_is_as_large_as_it_is_asked_for_and_lies_to_the_left(name: str, width: float, height: float) -> None:
+def test_figure_has_the_requested_size_and_lies_to_the_left(name: str, width: float, height: float) -> None:
     drive = Drive(f"motions/{name}", **({"radius": "0.4 m"} if name.startswith("circle") else {"side": "0.4 m"}))
     assert drive.run() is SUCCESS
     xs, ys = [place.x for place in drive.places], [place.y for place in drive.places]
@@ -96,7 +96,7 @@ def test_a_figure_is_as_large_as_it_is_asked_for_and_lies_to_the_left(name: str,
 
 
 @pytest.mark.parametrize("name", [*MOTIONS.values(), "polygon"])
-def test_a_motion_fails_and_stands_when_a_wheel_drops(name: str) -> None:
+def test_motion_mission_fails_and_stops_when_a_wheel_drops(name: str) -> None:
     drive = Drive(f"motions/{name}")
     assert drive.run(1.0) is RUNNING
     state = drive.base.reading.value
@@ -179,7 +179,7 @@ def begins(kind: str) -> Callable[[Event], bool]:
     return lambda event: isinstance(event, NodeChanged) and event.kind == kind and event.status == "running"
 
 
-def test_find_person_finds_somebody_and_hands_the_face_back(tmp_path: Path) -> None:
+def test_find_person_returns_the_face(tmp_path: Path) -> None:
     mission = tmp_path / "seek.yaml"
     mission.write_text(
         "mission: seek\ntree:\n  sequence:\n    - mission: find_person\n    - say: ${round(person.distance)}\n"
@@ -189,7 +189,7 @@ def test_find_person_finds_somebody_and_hands_the_face_back(tmp_path: Path) -> N
     assert ran.said in (["1 m"], ["2 m"]), "the person stands about a metre and a half away"
 
 
-def test_find_person_turns_round_for_somebody_and_says_at_last_that_nobody_was_found() -> None:
+def test_find_person_turns_the_base_and_fails_in_an_empty_world() -> None:
     ran = Ran("find_person", {"patience": "4 s", "side": "5 deg"}, world="empty")
     assert (ran.result.result, ran.result.reason) == ("failure", "nobody found in 4 s")
     assert any(command["angular"] != 0.0 for command in ran.commands("base"))
@@ -202,7 +202,7 @@ def test_greet_everybody_greets_each_of_two_people_once() -> None:
     assert ran.ends("find_face") == ["success", "success", "failure"]
 
 
-def test_greet_everybody_fails_where_nobody_is() -> None:
+def test_greet_everybody_fails_in_an_empty_world() -> None:
     ran = Ran("greet_everybody", {"side": "5 deg"}, world="empty")
     assert (ran.result.result, ran.result.reason) == ("failure", "nobody is here")
     assert ran.said == []
@@ -226,7 +226,7 @@ def test_look_away_turns_the_camera_from_the_blank_ceiling(tmp_path: Path) -> No
     )
 
 
-def test_look_away_stays_where_there_is_something_to_see() -> None:
+def test_look_away_does_not_pan_with_something_in_view() -> None:
     ran = Ran("look_away")
     assert ran.result.result == "success"
     assert not [command for command in ran.commands("head") if "pan" in command]
@@ -240,7 +240,7 @@ def test_look_away_fails_in_the_dark(tmp_path: Path) -> None:
     assert ran.result.reason.startswith("the picture is uniform wherever I look")
 
 
-def test_follow_me_goes_after_somebody_who_is_far_away() -> None:
+def test_follow_me_drives_after_a_distant_person() -> None:
     ran = Ran("follow_me", {"duration": "2 s", "distance": "0.6 m"}, world="two_people")
     assert ran.result.result == "success"
     assert ran.said == ["I will follow you."]
@@ -250,7 +250,7 @@ def test_follow_me_goes_after_somebody_who_is_far_away() -> None:
 
 
 @pytest.mark.real_time
-def test_follow_me_stops_when_it_bumps_into_something() -> None:
+def test_follow_me_stops_at_a_bump() -> None:
     far = {"duration": "10 s", "distance": "0.6 m"}
     ran = Ran("follow_me", far, world="two_people", simulate="wire", when=begins("follow_person"), then=bump)
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
@@ -258,6 +258,6 @@ def test_follow_me_stops_when_it_bumps_into_something() -> None:
 
 
 @pytest.mark.real_time
-def test_patrol_ends_when_it_bumps_into_something() -> None:
+def test_patrol_ends_at_a_bump() -> None:
     ran = Ran("patrol", simulate="wire", when=begins("drive"), then=bump)
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")

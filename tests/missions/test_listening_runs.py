@@ -40,7 +40,7 @@ def reasons(events: list[Event]) -> list[str]:
 
 
 @pytest.mark.real_time
-def test_simulated_people_are_heard_through_sound(folder: Path) -> None:
+def test_simulated_people_are_recognised_from_sound(folder: Path) -> None:
     pytest.importorskip("pocketsphinx")
     pytest.importorskip("espeakng_loader")
     events: list[Event] = []
@@ -51,9 +51,7 @@ def test_simulated_people_are_heard_through_sound(folder: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_without_what_that_needs_their_words_come_as_text_and_that_is_told(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_simulated_speech_arrives_as_text_without_the_extras(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(simulated_hearing, "NEEDED_MODULES", ("nobody_has_this",))
     events: list[Event] = []
     result = missions.run(folder / "ask.yaml", simulate="wire", world=str(folder / "w.yaml"), listeners=[events.append])

@@ -108,7 +108,7 @@ def test_mistake_with_a_mapping_is_found_at_check_time(step: str, message: str) 
         ),
     ],
 )
-def test_param_that_is_no_list_of_mappings_says_why(params: str, message: str) -> None:
+def test_invalid_list_of_mappings_gives_a_reason(params: str, message: str) -> None:
     assert messages(f"mission: m\nparams: {params}\ntree: succeed\n") == [message]
 
 

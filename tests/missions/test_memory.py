@@ -46,7 +46,7 @@ SHORT = [
 
 @pytest.mark.usefixtures("limited")
 @pytest.mark.parametrize(("error", "cause", "what"), SHORT)
-def test_a_lack_of_memory_is_told_as_such(
+def test_out_of_memory_errors_are_reported_as_such(
     error: BaseException, cause: BaseException | None, what: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run_guarded(raised(error, cause)) == USAGE
@@ -62,7 +62,7 @@ class Mute(Exception):
 
 
 @pytest.mark.parametrize("error", [KeyError("memory"), ImportError("No module named 'x'"), OSError(2, "none"), Mute()])
-def test_no_other_error_is_taken_for_that(error: Exception) -> None:
+def test_other_errors_are_not_out_of_memory_errors(error: Exception) -> None:
     assert root.memory_error(error) == ""
 
 
@@ -73,7 +73,7 @@ def test_without_a_limit_a_lack_of_threads_is_none_of_memory(monkeypatch: pytest
 
 
 @pytest.mark.parametrize("megabytes", [60, 120, 250, 400, 600])  # with less, Python itself logs tracebacks
-def test_a_run_under_ulimit_says_what_is_lacking_and_shows_no_traceback(megabytes: int) -> None:
+def test_run_under_ulimit_reports_memory_without_a_traceback(megabytes: int) -> None:
     def limit() -> None:
         resource.setrlimit(resource.RLIMIT_AS, (megabytes << 20, megabytes << 20))
 

@@ -115,7 +115,7 @@ def driving() -> Scene:
 # --- time stands still ------------------------------------------------------------------------------------------------
 
 
-def test_within_a_tick_the_time_is_that_of_its_beginning_and_after_it_goes_on() -> None:
+def test_time_is_constant_within_a_tick() -> None:
     leaf = Dawdle("dawdle")
     scene = Scene(leaf)
     scene.tick()
@@ -125,13 +125,13 @@ def test_within_a_tick_the_time_is_that_of_its_beginning_and_after_it_goes_on() 
     assert scene.moments[0].t == 100.05
 
 
-def test_changes_are_told_with_the_time_at_which_they_came() -> None:
+def test_node_changes_have_the_time_of_their_occurrence() -> None:
     scene = Scene(Dawdle("dawdle"))
     scene.tick()
     assert [event.t for event in scene.events if isinstance(event, NodeChanged | Ticked)] == [pytest.approx(100.08)] * 2
 
 
-def test_time_goes_on_after_a_tick_that_was_broken_off() -> None:
+def test_time_continues_after_an_aborted_tick() -> None:
     scene = Scene(Interrupted("interrupted"))
     with pytest.raises(KeyboardInterrupt):
         scene.tick()
@@ -142,7 +142,7 @@ def test_time_goes_on_after_a_tick_that_was_broken_off() -> None:
 # --- what a moment holds ----------------------------------------------------------------------------------------------
 
 
-def test_a_tick_is_told_with_its_answers_in_order_and_how_late_it_was(driving: Scene) -> None:
+def test_tick_record_has_ordered_answers_and_lateness(driving: Scene) -> None:
     driving.tick(late=0.01)
     (moment,) = driving.moments
     assert (moment.kind, moment.tick, moment.t, moment.late, moment.overheld) == ("tick", 1, 100.05, 0.01, None)
@@ -151,7 +151,7 @@ def test_a_tick_is_told_with_its_answers_in_order_and_how_late_it_was(driving: S
     assert "base.drive" in questions
 
 
-def test_the_time_spent_is_that_of_the_clock_on_the_wall() -> None:
+def test_tick_duration_is_measured_in_real_time() -> None:
     scene = Scene(Dawdle("dawdle"))
     scene.tick()
     assert scene.moments[0].spent == pytest.approx(0.03)
@@ -164,7 +164,7 @@ def test_lateness_is_an_event_only_beyond_a_period(driving: Scene) -> None:
     assert [moment.late for moment in driving.moments] == [0.04, 0.06]
 
 
-def test_the_parts_that_a_mission_does_not_ask_are_looked_at_now_and_then() -> None:
+def test_unused_parts_are_sampled_periodically() -> None:
     scene = Scene(Dawdle("dawdle"))
     for _ in range(2 * SAMPLE_INTERVAL_TICKS + 1):
         scene.tick()
@@ -177,7 +177,7 @@ def test_the_parts_that_a_mission_does_not_ask_are_looked_at_now_and_then() -> N
 
 
 @pytest.mark.parametrize(("moving", "ticks"), [(True, [1, 4, 7, 10, 11]), (False, [1, 1 + SAMPLE_INTERVAL_TICKS])])
-def test_joints_that_move_are_looked_at_more_often_than_those_that_rest(moving: bool, ticks: list[int]) -> None:
+def test_moving_joints_are_sampled_more_often(moving: bool, ticks: list[int]) -> None:
     scene = Scene(Dawdle("dawdle"), arm=True)
     state = JointState(0.1, 0.5, 0.2, 0.0, 12.0, 35.0, moving=moving, torque=True)
     scene.bench.arm.readings = {"elbow": good(state)}
@@ -188,7 +188,7 @@ def test_joints_that_move_are_looked_at_more_often_than_those_that_rest(moving: 
     assert sum(("base", "steering") in questions for questions in asked_for) == 2
 
 
-def test_without_anybody_who_listens_nothing_is_kept(driving: Scene) -> None:
+def test_answers_are_not_recorded_without_listeners(driving: Scene) -> None:
     stream, answers = EventStream(), TickCache()
     robot = with_proxies(Robot(base_part=driving.base), answers)
     driving.leaf.robot = robot
@@ -237,7 +237,7 @@ def test_each_part_of_the_halting_is_a_moment() -> None:
     ]
 
 
-def test_a_leaf_that_has_failed_because_it_held_the_tick_is_named() -> None:
+def test_tick_record_names_the_leaf_that_blocked_the_tick() -> None:
     leaf = Dawdle("dawdle")
     scene = Scene(leaf)
     scene.run.overrun = leaf, 1, 97.08
@@ -314,7 +314,7 @@ def test_a_drive_is_decided_over_again() -> None:
     assert_alike(scene, repeated(scene, _drive(DriveLeaf("drive"))))
 
 
-def test_an_alarm_and_the_halting_after_it_are_decided_over_again() -> None:
+def test_rerun_repeats_an_alarm_and_its_halt() -> None:
     scene = Scene(_drive(Slow("slow")))
     scene.tick()
     scene.feel(battery_percent=5.0)
@@ -324,7 +324,7 @@ def test_an_alarm_and_the_halting_after_it_are_decided_over_again() -> None:
     assert_alike(scene, repeated(scene, _drive(Slow("slow"))))
 
 
-def test_a_halt_that_never_ends_is_given_up_over_again() -> None:
+def test_rerun_repeats_an_abandoned_halt() -> None:
     endless = Slow("slow")
     endless.ticks = 1000
     scene = Scene(_drive(endless))
@@ -337,7 +337,7 @@ def test_a_halt_that_never_ends_is_given_up_over_again() -> None:
     assert_alike(scene, repeated(scene, _drive(again)))
 
 
-def test_a_leaf_that_was_failed_for_holding_the_tick_fails_over_again() -> None:
+def test_rerun_repeats_the_failure_of_a_blocking_leaf() -> None:
     leaf = Dawdle("dawdle")
     scene = Scene(leaf)
     scene.tick()
@@ -377,7 +377,7 @@ def _played(*, recorded: bool) -> tuple[list[NodeChanged], list[TickRecord], lis
     return changes, moments, [event for event in events if isinstance(event, Ticked)]
 
 
-def test_who_listens_to_the_moments_changes_nothing() -> None:
+def test_tick_listener_does_not_change_the_run() -> None:
     without, none, _ = _played(recorded=False)
     changes, moments, ticks = _played(recorded=True)
     assert changes == without

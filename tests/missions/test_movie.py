@@ -53,7 +53,9 @@ def files_of_at_most(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("ending", CODECS)
-def test_a_film_is_whole_and_for_its_owner_only(tmp_path: Path, ending: str, capfd: pytest.CaptureFixture[str]) -> None:
+def test_film_is_complete_and_readable_by_its_owner_only(
+    tmp_path: Path, ending: str, capfd: pytest.CaptureFixture[str]
+) -> None:
     path = tmp_path / f"film{ending}"
     path.touch(0o666)
     film = filmed(path, 30)
@@ -63,7 +65,7 @@ def test_a_film_is_whole_and_for_its_owner_only(tmp_path: Path, ending: str, cap
 
 
 @pytest.mark.parametrize("ending", [".webm", ".mp4"])
-def test_a_browser_plays_it(browser: Browser, tmp_path: Path, ending: str) -> None:
+def test_browser_plays_the_film(browser: Browser, tmp_path: Path, ending: str) -> None:
     filmed(tmp_path / f"film{ending}", 25)
     page = tmp_path / "page.html"
     page.write_text(f"<title>film</title><video src='film{ending}' muted></video>")
@@ -87,14 +89,14 @@ def test_a_film_ends_in_time_where_the_disk_gets_full(tmp_path: Path, monkeypatc
 
 
 @pytest.mark.parametrize("ending", CODECS)
-def test_a_film_that_cannot_be_read_to_its_end_is_told(tmp_path: Path, ending: str) -> None:
+def test_damaged_film_is_reported(tmp_path: Path, ending: str) -> None:
     path = tmp_path / f"film{ending}"
     with files_of_at_most(100_000):
         film = filmed(path, 60)
     assert "the written file is damaged" in film.error
 
 
-def test_a_film_that_could_not_be_written_leaves_the_earlier_one_and_is_not_called_written(tmp_path: Path) -> None:
+def test_failed_film_keeps_the_earlier_file(tmp_path: Path) -> None:
     path = tmp_path / "film.webm"
     path.write_bytes(b"mine")
     with files_of_at_most(100_000):
@@ -123,12 +125,12 @@ def test_pictures_in_a_folder_end_where_the_disk_is_full(tmp_path: Path) -> None
     assert {stat.S_IMODE(path.stat().st_mode) for path in folder.iterdir()} == {0o600}
 
 
-def test_a_film_that_cannot_be_begun_is_refused() -> None:
+def test_film_at_an_unwritable_path_is_refused() -> None:
     with pytest.raises(click.UsageError, match=r"--film: /proc/film\.webm: No such file"):
         filmed(Path("/proc/film.webm"), 1)
 
 
-def test_a_film_for_which_there_is_no_room_at_all_is_not_said_to_be_written(
+def test_film_without_disk_space_is_not_reported_as_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(movie, "_free_bytes", lambda _: 1000)
@@ -137,9 +139,7 @@ def test_a_film_for_which_there_is_no_room_at_all_is_not_said_to_be_written(
     assert "film.webm: ends after 0 pictures" in done.err
 
 
-def test_a_film_into_a_folder_that_is_not_there_is_refused_with_what_to_type(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_film_in_a_missing_folder_is_refused_with_a_hint(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     done = command(capsys, "run", "look_around", "--film", str(tmp_path / "films" / "film.webm"))
     assert done.code == 2
     assert f"try: mkdir -p {tmp_path / 'films'}" in done.err

@@ -23,7 +23,7 @@ tree:
 """
 
 
-def test_a_phrase_or_a_name_is_what_is_looked_for() -> None:
+def test_object_is_found_by_phrase_or_file_name() -> None:
     assert find_object("red  Ball") == ThingSpec("red ball", "red", "ball", None)
     assert find_object("apple") == ThingSpec("apple", "red", "ball", 0.12)
 
@@ -43,19 +43,19 @@ def test_a_file_of_ones_own_is_an_object(tmp_path: Path) -> None:
         ("brown box", "brown things cannot be distinguished from a room"),
     ],
 )
-def test_what_cannot_be_looked_for_is_refused_with_what_to_write(name: str, said: str) -> None:
+def test_unknown_object_is_refused_with_a_hint(name: str, said: str) -> None:
     with pytest.raises(LookupError, match=said):
         find_object(name)
 
 
-def test_all_that_a_mission_looks_for_is_known_before_it_starts(tmp_path: Path) -> None:
+def test_objects_of_a_mission_are_known_before_the_start(tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(MISSION)
     plan = load_mission(str(path))
     assert [one.name for one in objects_to_find(plan.tree)] == ["small yellow ball", "apple"]
 
 
-def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
+def test_misspelt_object_in_a_mission_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(MISSION.replace("yellow", "yelow"))
     with pytest.raises(InvalidFileError, match="'yelow' is not a colour; did you mean 'yellow'"):
@@ -72,13 +72,13 @@ def test_a_mistake_in_a_mission_is_shown_at_its_place(tmp_path: Path) -> None:
         ('sequence: [{find_object: red ball, as: it}, object_seen: "${it.name}"]', ["red ball"]),
     ],
 )
-def test_what_an_expression_may_name_is_looked_for(steps: str, names: list[str], tmp_path: Path) -> None:
+def test_objects_named_by_an_expression_are_detected(steps: str, names: list[str], tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(f"mission: look\nparams: {{hues: [red, green]}}\ntree: {{{steps}}}\n")
     assert set(names) <= {one.name for one in objects_to_find(load_mission(str(path)).tree)}
 
 
-def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None:
+def test_objects_passed_to_a_submission_are_detected(tmp_path: Path) -> None:
     (tmp_path / "seek.yaml").write_text('mission: seek\nparams: {what: apple}\ntree: {find_object: "${what}"}\n')
     path = tmp_path / "look.yaml"
     each = '{in: [red, blue], as: hue, do: {mission: seek.yaml, with: {what: "${hue} box"}}}'
@@ -86,14 +86,14 @@ def test_what_is_named_to_a_mission_within_is_looked_for(tmp_path: Path) -> None
     assert {"red box", "blue box"} <= {one.name for one in objects_to_find(load_mission(str(path)).tree)}
 
 
-def test_a_mission_that_looks_for_what_nothing_in_it_names_is_refused(tmp_path: Path) -> None:
+def test_object_unknown_before_the_start_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text('mission: look\ntree: {sequence: [set: {it: nothing}, find_object: "${it}"]}\n')
     with pytest.raises(InvalidFileError, match="'find_object': what it looks for must be known before the mission"):
         load_mission(str(path))
 
 
-def test_a_mission_of_which_a_param_is_missing_may_yet_be_told_what_to_look_for(tmp_path: Path) -> None:
+def test_object_from_a_missing_param_passes_the_check(tmp_path: Path) -> None:
     path = tmp_path / "look.yaml"
     path.write_text(
         'mission: look\nparams: {what: {type: text}}\ntree: {sequence: [set: {it: "${what}"}, find_object: "${it}"]}\n'

@@ -75,7 +75,7 @@ def found(events: list[Event]) -> tuple[str, float]:
 
 
 @pytest.mark.parametrize("eyes", ["truth", "pixels"])
-def test_somebody_is_found_by_name_and_not_the_one_who_stands_nearest(tmp_path: Path, eyes: str) -> None:
+def test_person_is_found_by_name_instead_of_the_nearest(tmp_path: Path, eyes: str) -> None:
     result, events = ran(tmp_path, FIND, world=two_people(), eyes=eyes)
     assert result.result == "success", result.reason
     name, yaw = found(events)
@@ -86,7 +86,7 @@ def test_somebody_is_found_by_name_and_not_the_one_who_stands_nearest(tmp_path: 
     assert "Ben" in told
 
 
-def test_somebody_who_is_not_there_is_not_found_whoever_else_is(tmp_path: Path) -> None:
+def test_absent_person_is_not_found_among_others(tmp_path: Path) -> None:
     result, _ = ran(tmp_path, FIND, world=two_people(), params={"who": "Chidi"})
     assert result.result == "failure"
     assert "no face found in 2 scans" in result.reason
@@ -101,7 +101,7 @@ def test_a_stranger_is_found_as_unknown(tmp_path: Path, eyes: str) -> None:
     assert yaw > 0, "Anna stands to the left"
 
 
-def test_identify_says_who_it_is(tmp_path: Path) -> None:
+def test_identify_returns_the_name_or_unknown(tmp_path: Path) -> None:
     _, events = ran(tmp_path, WHO, world=two_people(Anna=False, Ben=False))
     assert found(events)[0] == UNKNOWN
     _, events = ran(tmp_path, WHO, world=two_people())
@@ -125,7 +125,7 @@ def test_identify_says_who_it_is(tmp_path: Path) -> None:
         ("log: ${face.undecided}", True),
     ],
 )
-def test_names_are_looked_for_only_where_a_mission_asks(tmp_path: Path, step: str, asks: bool) -> None:
+def test_names_are_recognised_only_if_a_mission_needs_them(tmp_path: Path, step: str, asks: bool) -> None:
     path = tmp_path / "ask.yaml"
     path.write_text(f"mission: ask\nparams: {{to: Anna}}\ntree:\n  sequence:\n    - {step}\n    - wait: 1 s\n")
     asked = interests_of(load_mission(str(path)).tree, None)
@@ -133,14 +133,14 @@ def test_names_are_looked_for_only_where_a_mission_asks(tmp_path: Path, step: st
     assert asked.names is asks
 
 
-def test_where_nobody_asks_there_is_no_recogniser() -> None:
+def test_no_face_recogniser_without_interest_in_names() -> None:
     assert recogniser(Interests(), lambda _: None, drawn=two_people().people) is None
 
 
 # --- whom it knows -------------------------------------------------------------------------------------------------
 
 
-def test_two_who_are_drawn_alike_are_told_of_and_strangers_are_not_learnt() -> None:
+def test_gallery_reports_look_alikes_and_omits_strangers() -> None:
     people, notices = two_people().people, list[DeviceStatus]()
     alike = [replace(each, look="anna") for each in people]
     drawn_gallery(alike, notices.append)
@@ -171,7 +171,7 @@ def test_a_real_camera_knows_the_people_in_the_folder_of_the_robot_file(tmp_path
     assert notices[0].hint == f"rm {people.folder}/Anna/001.png"
 
 
-def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path: Path) -> None:
+def test_people_folder_keeps_its_other_files_and_modes(tmp_path: Path) -> None:
     camera = load_robot(find_file("robots", "turtlebot2_arm")).camera
     assert camera is not None
     tool = tmp_path / "proj/bin/tool"
@@ -185,7 +185,7 @@ def test_a_robot_file_that_names_an_ordinary_folder_leaves_it_as_it_is(tmp_path:
     assert tool.stat().st_mode & 0o777 == 0o755
 
 
-def test_what_is_the_matter_with_the_pictures_is_told_once_at_the_first_look() -> None:
+def test_portrait_problems_are_reported_once_at_the_first_match() -> None:
     notices = list[DeviceStatus]()
     alike = [replace(each, look="anna") for each in two_people().people]
     known = recogniser(Interests(names=True), notices.append, drawn=alike)
@@ -196,7 +196,7 @@ def test_what_is_the_matter_with_the_pictures_is_told_once_at_the_first_look() -
     assert [notice.message for notice in notices] == ["Anna and Ben look alike"]
 
 
-def test_true_names_err_as_often_as_they_are_told_to() -> None:
+def test_simulated_recogniser_errs_at_the_given_rate() -> None:
     people = two_people(Ben=False).people
     shown = [
         FaceSighting(Detection(Box(x, 0.0, 50.0, 50.0), 5.0), found=True, person=who)

@@ -48,7 +48,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_a_mission_turns_it_in_simulated_time(folder: Path) -> None:
+def test_servo_neck_turns_in_simulated_time(folder: Path) -> None:
     runner = Runner(RunRequest(str(folder / "look_about.yaml"), robot=str(folder / "necked.yaml"), simulate="fast"))
     assert runner.run().result == "success"
     assert runner.twins is not None
@@ -57,7 +57,7 @@ def test_a_mission_turns_it_in_simulated_time(folder: Path) -> None:
     assert (degrees(pose.pan), degrees(pose.tilt)) == pytest.approx((14.4, 0.0), abs=1.1)
 
 
-def test_a_person_is_found_with_it_in_simulated_time(folder: Path) -> None:
+def test_servo_neck_finds_a_person_in_simulated_time(folder: Path) -> None:
     Path("find.yaml").write_text("mission: find\ntree:\n  find_face:\n    pause: 200 ms\n    scans: 1\n")
     order = RunRequest(str(folder / "find.yaml"), robot=str(folder / "necked.yaml"), simulate="fast", eyes="truth")
     assert Runner(order).run().result == "success"
@@ -69,12 +69,12 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Callable[..., Outcome]:
 
 
 @pytest.mark.real_time
-def test_the_real_driver_turns_it_over_a_virtual_bus(folder: Path, mission: Callable[..., Outcome]) -> None:
+def test_servo_neck_turns_over_a_virtual_bus(folder: Path, mission: Callable[..., Outcome]) -> None:
     outcome = mission("head", "look", "--robot", str(folder / "necked.yaml"), "--simulate", "--pan", "25")
     assert (outcome.code, outcome.out) == (0, "looks at +25, +0 deg\n")
 
 
-def test_a_bus_that_is_not_there_is_said_with_what_to_try(
+def test_missing_servo_bus_of_a_neck_is_reported_with_a_hint(
     folder: Path, mission: Callable[..., Outcome], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(head_connection, "CONNECT_TIMEOUT", 0.5)
@@ -85,7 +85,7 @@ def test_a_bus_that_is_not_there_is_said_with_what_to_try(
 
 
 @pytest.mark.real_time
-def test_its_trim_is_kept_in_the_robot_file(folder: Path, mission: Callable[..., Outcome]) -> None:
+def test_trim_of_a_servo_neck_is_saved_in_the_robot_file(folder: Path, mission: Callable[..., Outcome]) -> None:
     path = folder / "necked.yaml"
     before = path.read_text()
     outcome = mission("head", "trim", "--robot", str(path), "--simulate", "--tilt", "-4", "--keep")

@@ -22,7 +22,7 @@ CASES = {
 }
 
 
-def test_where_the_order_of_two_modifiers_is_the_cause_it_says_so() -> None:
+def test_wrong_order_of_two_modifiers_is_reported() -> None:
     for tree, said in CASES.items():
         with pytest.raises(InvalidFileError) as caught:
             plan_of(tree)

@@ -17,7 +17,7 @@ from missions.cli.outputs import report_write_errors
         (errno.EROFS, "findmnt -T {}  (is the disk read-only?)"),
     ],
 )
-def test_a_cure_names_a_folder_that_is_there(tmp_path: Path, number: int, cure: str) -> None:
+def test_hint_for_a_write_error_names_an_existing_folder(tmp_path: Path, number: int, cure: str) -> None:
     with pytest.raises(click.BadParameter) as caught, report_write_errors(tmp_path / "not" / "there" / "x.yaml", "-o"):
         raise OSError(number, "no")
     assert caught.value.message.endswith(f"\n  try: {cure.format(tmp_path)}")

@@ -65,7 +65,7 @@ def test_params_have_the_defaults_of_the_file() -> None:
 
 
 @pytest.mark.parametrize("key", ["label", "code"])
-def test_a_quoted_param_that_looks_like_something_else_stays_a_text(key: str) -> None:
+def test_quoted_param_stays_a_text(key: str) -> None:
     assert type(check(MISSION).params[key]) is str
 
 
@@ -110,7 +110,7 @@ def test_a_callers_value_is_of_the_kind_of_the_default(name: str, text: str, val
         ("loud", "1", "'loud' needs true or false, got '1'"),
     ],
 )
-def test_a_callers_value_of_another_kind_is_told_at_the_value(name: str, text: str, message: str) -> None:
+def test_param_value_of_a_wrong_type_is_reported_at_the_value(name: str, text: str, message: str) -> None:
     fault = the_fault(MISSION, {name: text})
     assert fault.message == message
     assert fault.place == f"--param {name}:1:{len(name) + 2}"
@@ -125,12 +125,12 @@ def test_a_callers_value_of_another_kind_is_told_at_the_value(name: str, text: s
         ("mission: visit\ntree: succeed\n", "xyz", "it has none"),
     ],
 )
-def test_an_unknown_param_is_told_with_what_there_is(text: str, name: str, hint: str) -> None:
+def test_unknown_param_lists_the_existing_ones(text: str, name: str, hint: str) -> None:
     fault = the_fault(text, {name: "1"})
     assert (fault.message, fault.suggestion) == (f"mission 'visit' has no param '{name}'", hint)
 
 
-def test_a_callers_value_is_checked_where_it_is_used_too() -> None:
+def test_param_value_is_checked_at_its_use() -> None:
     fault = the_fault(MISSION, {"times": "2.5"})
     assert (fault.mark.line, fault.message) == (14, "'repeat' needs a count of 1 or more, or forever, got '2.5'")
     fault = the_fault(MISSION, {"patience": "0 s"})
@@ -174,12 +174,12 @@ def test_mistakes_in_the_file_and_in_the_callers_values_come_together() -> None:
         ("{a: 1, a: 2}", "'a' is a duplicate key (first at line 2)"),
     ],
 )
-def test_what_is_no_param_says_why(params: str, message: str) -> None:
+def test_invalid_param_declaration_gives_a_reason(params: str, message: str) -> None:
     fault = the_fault(f"mission: m\nparams: {params}\ntree: succeed\n")
     assert (fault.mark.line, fault.message) == (2, message)
 
 
-def test_a_param_holds_no_expression_that_a_caller_wrote() -> None:
+def test_expression_in_a_param_value_is_not_evaluated() -> None:
     plan = check(MISSION, {"greeting": "${battery.percent}"})
     leaf = plan.tree.children[0].children[0]
     assert leaf.kind == "say"
@@ -205,7 +205,7 @@ def test_any_text_is_a_value_of_the_defaults_kind_or_refused(default: str, text:
         assert not isinstance(value, bool)
 
 
-def test_a_param_in_its_long_form_has_a_type_bounds_and_help() -> None:
+def test_long_param_declaration_has_type_bounds_and_help() -> None:
     mission = """mission: long
 params:
   side: {default: 50 cm, help: how long, low: 10 cm, high: 2 m}
@@ -253,7 +253,7 @@ tree:
 """
 
 
-def test_a_param_may_be_a_list_whose_members_are_of_one_type() -> None:
+def test_list_param_has_members_of_one_type() -> None:
     params = check(LISTS, {"people": "Anna, Ben"}, complete=True).params
     assert params["places"] == ["kitchen", "hall"]
     assert params["ways"] == [1.0, 0.5]
@@ -306,13 +306,13 @@ def test_a_mission_hands_lists_and_members_on(tmp_path: Path) -> None:
             load_mission(str(path))
 
 
-def test_a_named_type_is_looked_up_and_kept_as_a_name() -> None:
+def test_param_of_a_named_type_is_looked_up() -> None:
     text = "mission: m\nparams: {how: {type: gesture, default: wave}}\ntree:\n  gesture: ${how}\n"
     assert check(text).params == {"how": "wave"}
     assert the_fault(text, {"how": "wvae"}).message.startswith("'how' needs a gesture: ")
 
 
-def test_a_default_with_another_spelling_of_a_unit_is_an_error_at_its_line() -> None:
+def test_misspelt_unit_in_a_default_is_an_error() -> None:
     fault = the_fault("mission: nap\nparams:\n  patience: 10 sec\ntree: {wait: 1 s}\n")
     assert (fault.mark.line, fault.mark.column) == (3, 13)
     assert fault.message == "param 'patience': unknown unit in '10 sec'"
@@ -344,13 +344,13 @@ READ_PARAMS = [
 
 @pytest.mark.parametrize("declared", ["a: 1", "a: {type: number}"])
 @pytest.mark.parametrize("node", READ_PARAMS)
-def test_param_that_is_read_gets_no_hint(node: str, declared: str) -> None:
+def test_read_param_gets_no_hint(node: str, declared: str) -> None:
     text = f"mission: m\nparams: {{{declared}, b: 2}}\ntree: {{sequence: [{{set: {{b: '${{b}}'}}}}, {node}]}}\n"
     assert unread_param_hints(check(text)) == []
 
 
 @pytest.mark.parametrize("declared", ["a: 1", "a: {default: 1, help: how many}", "a: {type: number}"])
-def test_param_that_nothing_reads_gets_a_hint(declared: str) -> None:
+def test_unread_param_gets_a_hint(declared: str) -> None:
     tree = "tree: {sequence: [{say: a}, {set: {a: 1}}]}\nreturns: {b: b}\n"
     text = f"mission: m\nparams:\n  b: 2\n  {declared}\n{tree}"
     (hint,) = unread_param_hints(check(text))
@@ -359,7 +359,7 @@ def test_param_that_nothing_reads_gets_a_hint(declared: str) -> None:
     assert hint.suggestion == "write ${a} where its value belongs, or remove it"
 
 
-def test_param_that_only_a_sub_mission_has_is_not_read(tmp_path: Path) -> None:
+def test_param_of_the_same_name_in_a_submission_does_not_count_as_read(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text("mission: inner\nparams: {a: 1}\ntree: {wait: '${a * 1 s}'}\n")
     outer = tmp_path / "outer.yaml"
     outer.write_text("mission: outer\nparams: {a: 1}\ntree: {mission: inner}\n")
@@ -372,7 +372,7 @@ def test_shipped_missions_read_all_their_params() -> None:
     assert {name: found for name in shipped_missions() if (found := load_mission(name).unread_params)} == {}
 
 
-def test_a_param_without_a_default_is_known_to_a_step_that_sets_it() -> None:
+def test_param_without_a_default_can_be_read_where_it_is_set() -> None:
     plan = check('mission: t\nparams:\n  n: {type: value}\ntree:\n  set: {n: "${n + 1}"}\n', {"n": "3"})
     assert plan.params == {"n": 3}
     check('mission: t\nparams:\n  n: {type: value}\ntree:\n  set: {n: "${n + 1}"}\n')

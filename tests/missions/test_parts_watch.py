@@ -42,20 +42,20 @@ class Stand:
         self.watch.on_event(event)
 
 
-def test_a_part_that_is_well_is_ok_with_its_figures_and_their_age() -> None:
+def test_healthy_part_is_ok_with_values_and_age() -> None:
     stand = Stand()
     stand.head.reading = Reading(HeadPose(0.5, -0.25), 1.0, Quality.GOOD)
     assert stand.watch.check(1.25)[1] == PartStatus("head", "OK", 0.25, {"pan": 0.5, "tilt": -0.25})
 
 
-def test_a_part_that_is_not_there_is_an_error_with_what_to_try() -> None:
+def test_disconnected_part_is_an_error_with_a_hint() -> None:
     stand = Stand()
     stand.base.well = Health(False, "base: /dev/kobuki: no such device", "plug it in")
     state = stand.look()
     assert (state.level, state.detail, state.hint) == ("ERROR", "/dev/kobuki: no such device", "plug it in")
 
 
-def test_a_base_that_is_stopped_is_an_error_until_it_is_enabled() -> None:
+def test_latched_base_is_an_error_until_enabled() -> None:
     stand = Stand()
     stand.base.latched = "by hand"
     assert (stand.look().level, stand.look().detail) == ("ERROR", "stopped until it is enabled: by hand")
@@ -63,7 +63,7 @@ def test_a_base_that_is_stopped_is_an_error_until_it_is_enabled() -> None:
     assert stand.look().level == "OK"
 
 
-def test_a_reading_from_too_long_ago_is_stale_and_one_that_never_was_has_no_age() -> None:
+def test_old_reading_is_stale_and_missing_reading_has_no_age() -> None:
     stand = Stand()
     stand.base.reading = replace(stand.base.reading, quality=Quality.STALE)
     state = stand.look(7.0)
@@ -73,14 +73,14 @@ def test_a_reading_from_too_long_ago_is_stale_and_one_that_never_was_has_no_age(
     assert (state.level, state.age, state.detail) == ("STALE", None, "no reading yet")
 
 
-def test_a_part_that_complains_is_worth_a_look() -> None:
+def test_part_with_a_problem_is_a_warning() -> None:
     stand = Stand()
     stand.base.well = Health(True, "the adapter is slow", "a new one")
     state = stand.look()
     assert (state.level, state.detail, state.hint) == ("WARN", "the adapter is slow", "a new one")
 
 
-def test_a_battery_is_a_concern_while_it_is_low_and_an_error_while_critical() -> None:
+def test_low_battery_is_a_warning_and_critical_battery_an_error() -> None:
     stand = Stand()
     levels = []
     for what, on in (("battery_low", True), ("battery_critical", True), ("battery_critical", False), ("bumper", True)):
@@ -90,7 +90,7 @@ def test_a_battery_is_a_concern_while_it_is_low_and_an_error_while_critical() ->
     assert [*levels, stand.look().level] == ["WARN", "ERROR", "WARN", "WARN", "OK"]
 
 
-def test_replies_that_were_missed_are_a_concern_for_two_seconds() -> None:
+def test_missed_replies_are_a_warning_for_two_seconds() -> None:
     stand = Stand()
     levels = []
     for now, misses in ((0.0, 3), (0.5, 3), (1.0, 5), (2.5, 5), (3.5, 5)):
@@ -101,14 +101,14 @@ def test_replies_that_were_missed_are_a_concern_for_two_seconds() -> None:
     assert levels == ["OK", "OK", "WARN", "WARN", "OK"]
 
 
-def test_a_number_that_is_none_is_left_out() -> None:
+def test_nan_values_of_a_part_are_omitted() -> None:
     stand = Stand()
     stand.base.reading = Reading(BaseState(Pose2D(nan, 0.0, 0.0), ZERO_VELOCITY), 0.0, Quality.GOOD)
     assert "x" not in stand.look().values
     assert stand.look().values["y"] == 0.0
 
 
-def test_an_arm_names_the_joints_that_are_silent_and_is_as_old_as_the_oldest() -> None:
+def test_arm_status_names_silent_joints_and_has_the_oldest_age() -> None:
     joint = JointState(0.0, 0.0, None, 0.0, 12.0, 40.0, moving=True, torque=True)
     clock = ManualClock()
     arm = RecordedJoints(clock)
@@ -122,7 +122,7 @@ def test_an_arm_names_the_joints_that_are_silent_and_is_as_old_as_the_oldest() -
     assert state == PartStatus("arm", "STALE", 4.0, figures, "silent: wrist")
 
 
-def test_a_camera_whose_pictures_stay_away_is_stale() -> None:
+def test_camera_without_new_pictures_is_stale() -> None:
     stand = Stand()
     camera = PartsMonitor({"camera": stand.head}, Robot(), lambda: stand.looked)
     assert camera.check(9.0)[0].level == "OK"

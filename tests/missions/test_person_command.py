@@ -63,7 +63,7 @@ def near(look: str) -> list[Image]:
     return pictures(look, (1.0, 1.3), each=2)
 
 
-def test_somebody_is_added_from_pictures_listed_and_forgotten(bench: Bench) -> None:
+def test_person_is_added_listed_and_removed(bench: Bench) -> None:
     outcome = bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     assert outcome.code == 0
     assert "4 of 6 recommended pictures" in outcome.err
@@ -80,7 +80,7 @@ def test_somebody_is_added_from_pictures_listed_and_forgotten(bench: Bench) -> N
     assert [each.name for each in bench.people.known_people()] == ["Ben"]
 
 
-def test_pictures_of_nobody_or_of_two_are_refused_by_name_and_nothing_is_kept(bench: Bench) -> None:
+def test_pictures_without_exactly_one_face_are_refused(bench: Bench) -> None:
     good, bad = bench.write("good", *near("anna")), bench.write("bad", NOBODY, crowd("anna", "ben"))
     outcome = bench.run("add", "Anna", *good, *bad)
     assert outcome.code == 1
@@ -104,7 +104,7 @@ def test_the_same_picture_three_times_is_one(bench: Bench) -> None:
     assert not bench.people.folder.exists()
 
 
-def test_pictures_that_are_there_already_are_told_of(bench: Bench) -> None:
+def test_duplicate_pictures_are_skipped(bench: Bench) -> None:
     first, *others = bench.write("anna", *near("anna"))
     bench.run("add", "Anna", *others)
     outcome = bench.run("add", "Anna", first, *others)
@@ -114,7 +114,7 @@ def test_pictures_that_are_there_already_are_told_of(bench: Bench) -> None:
     assert outcome.err.startswith("3 duplicate pictures skipped\n")
 
 
-def test_a_picture_of_somebody_else_is_refused(bench: Bench) -> None:
+def test_picture_of_another_person_is_refused(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     outcome = bench.run("add", "Ben", *bench.write("ben", *near("ben"), near("anna")[0]))
     assert outcome.code == 1
@@ -122,7 +122,7 @@ def test_a_picture_of_somebody_else_is_refused(bench: Bench) -> None:
     assert [each.name for each in bench.people.known_people()] == ["Anna"]
 
 
-def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Bench) -> None:
+def test_unreadable_portrait_is_reported_and_skipped(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     (bench.people.folder / "Anna/002.png").write_bytes(b"no picture")
     outcome = bench.run("list")
@@ -135,7 +135,7 @@ def test_a_picture_that_cannot_be_read_is_told_of_and_the_others_count(bench: Be
     assert outcome.out.splitlines()[-1].split()[:2] == ["Anna", "3"]
 
 
-def test_what_is_left_in_a_folder_is_told_of(bench: Bench) -> None:
+def test_removed_persons_other_files_are_kept_and_reported(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     letter = bench.people.folder / "Anna/letter.txt"
     letter.touch()
@@ -145,14 +145,14 @@ def test_what_is_left_in_a_folder_is_told_of(bench: Bench) -> None:
     assert letter.exists()
 
 
-def test_who_looks_like_somebody_known_is_told_to(bench: Bench) -> None:
+def test_look_alike_of_a_known_person_is_reported(bench: Bench) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     outcome = bench.run("add", "Zoe", *bench.write("twin", *pictures("anna", (1.1, 1.2), each=2)))
     assert outcome.code == 0
     assert "Zoe looks like Anna" in outcome.err
 
 
-def test_enough_pictures_and_pictures_that_are_nearly_alike_are_told_of(bench: Bench) -> None:
+def test_too_similar_pictures_are_reported(bench: Bench) -> None:
     good = near("anna")[0]
     random = np.random.default_rng(1)
     noisy = [np.asarray(np.clip(good + random.normal(0, 3, good.shape), 0, 255), np.uint8) for _ in range(6)]
@@ -162,7 +162,7 @@ def test_enough_pictures_and_pictures_that_are_nearly_alike_are_told_of(bench: B
     assert "looks like" not in outcome.err
 
 
-def test_what_was_judged_otherwise_than_the_robot_does_is_told(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_person_command_reports_a_method_other_than_the_robots(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     robots = bench.folder / "robots"
     robots.mkdir()
     for name, method in (("plain", "patches"), ("deep", "dlib")):
@@ -178,14 +178,14 @@ def test_what_was_judged_otherwise_than_the_robot_does_is_told(bench: Bench, mon
     assert "judged" not in bench.run("list").out
 
 
-def test_a_name_that_cannot_be_is_refused_before_anybody_poses(bench: Bench) -> None:
+def test_reserved_name_is_refused_before_the_camera_opens(bench: Bench) -> None:
     outcome = bench.run("add", "unknown", "--camera", "/nowhere.mp4")
     assert outcome.code == 1
     assert "'unknown' is reserved for strangers" in outcome.err
 
 
 @pytest.mark.real_time
-def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench) -> None:
+def test_person_is_guided_before_the_camera(bench: Bench) -> None:
     folder = bench.folder / "film"
     folder.mkdir()
     for number, image in enumerate([NOBODY, *near("anna") * 5]):
@@ -197,7 +197,7 @@ def test_before_a_camera_somebody_is_guided_until_there_are_enough(bench: Bench)
     assert [each.pictures for each in bench.people.known_people()] == [3]
 
 
-def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None:
+def test_portrait_collector_gives_instructions_and_reasons() -> None:
     taking = PortraitCollector(HaarFaceDetector(), count=3)
     good = near("anna")[0]
     assert taking.instruction == INSTRUCTIONS[0]
@@ -215,7 +215,7 @@ def test_the_guide_goes_on_as_pictures_are_taken_and_says_why_it_waits() -> None
     assert len(taking.portraits) == 3
 
 
-def test_a_picture_that_is_nearly_one_before_is_not_taken_until_somebody_moves() -> None:
+def test_portrait_collector_refuses_too_similar_pictures() -> None:
     taking, good = PortraitCollector(HaarFaceDetector(), count=3), near("anna")[0]
     noise = np.random.default_rng(1).normal(0, 2, good.shape)
     again = np.asarray(np.clip(good + noise, 0, 255), np.uint8)
@@ -226,9 +226,7 @@ def test_a_picture_that_is_nearly_one_before_is_not_taken_until_somebody_moves()
 
 
 @pytest.mark.real_time
-def test_what_to_do_before_a_camera_is_said_aloud_where_that_is_asked(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_portrait_instructions_are_spoken_on_request(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     voice = SimpleNamespace(open=lambda: None, say=said.append, close=lambda: said.append("closed"))
     monkeypatch.setattr(sys.modules["missions.plugins.setup.person.add"], "make_voice", lambda *_, **__: voice)
@@ -246,9 +244,7 @@ def test_what_to_do_before_a_camera_is_said_aloud_where_that_is_asked(
     ]
 
 
-def test_nobody_is_forgotten_where_a_name_is_wrong_or_nobody_agrees(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unknown_name_or_missing_consent_removes_no_person(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.run("add", "Anna", *bench.write("anna", *near("anna")))
     outcome = bench.run("remove", "Anna", "Bob", "--yes")
     assert outcome.code == 1
@@ -258,6 +254,6 @@ def test_nobody_is_forgotten_where_a_name_is_wrong_or_nobody_agrees(
     assert [each.name for each in bench.people.known_people()] == ["Anna"]
 
 
-def test_a_list_of_nobody_says_what_to_type(bench: Bench) -> None:
+def test_empty_list_of_people_gives_a_hint(bench: Bench) -> None:
     assert "mission person add NAME" in bench.run("list").err
     assert json.loads(bench.run("list", "--json").out) == {"people": [], "rates": None}

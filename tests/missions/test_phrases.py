@@ -38,7 +38,7 @@ def test_all_phrases_of_a_mission_are_listened_for_in_small_letters(tmp_path: Pa
     assert heard["phrase"].constant == {"hello robot": "Hello, robot"}
 
 
-def test_a_phrase_may_be_a_param_that_is_given_when_it_starts(tmp_path: Path) -> None:
+def test_phrase_may_contain_a_param(tmp_path: Path) -> None:
     head = "params: {word: {type: text}, other: stop}\n"
     step = 'listen: ["${word} please", "${other}"]'
     assert interests_of(load(tmp_path, step, head=head, params={"word": "Tea"}).tree, None).phrases == (
@@ -49,7 +49,7 @@ def test_a_phrase_may_be_a_param_that_is_given_when_it_starts(tmp_path: Path) ->
     assert interests_of(known.tree, None).phrases == ("stop",)
 
 
-def test_so_may_one_of_a_mission_inside(tmp_path: Path) -> None:
+def test_phrase_of_a_submission_may_contain_a_param(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text(
         'mission: inner\nparams: {word: stop}\ntree:\n  listen: "${word}"\n', encoding="utf-8"
     )
@@ -78,11 +78,11 @@ def test_so_may_one_of_a_mission_inside(tmp_path: Path) -> None:
         ("heard: {phrase: yes, within: 5 min}", "'within' must be between 0.01 s and 30 s"),
     ],
 )
-def test_what_cannot_be_listened_for_is_told(tmp_path: Path, step: str, said: str) -> None:
+def test_invalid_phrases_are_reported(tmp_path: Path, step: str, said: str) -> None:
     assert said in fault(tmp_path, step)
 
 
-def test_a_word_that_nobody_can_pronounce_is_a_fault_with_what_to_write(tmp_path: Path) -> None:
+def test_unpronounceable_word_is_a_mistake_with_a_hint(tmp_path: Path) -> None:
     pytest.importorskip("pocketsphinx")
     load(tmp_path, "listen: [hello xyzzy]")
     said = fault(tmp_path, "listen: [hello zażółć]")
@@ -90,7 +90,7 @@ def test_a_word_that_nobody_can_pronounce_is_a_fault_with_what_to_write(tmp_path
     assert "pronunciations: {zażółć: ...} in the section 'microphone' of robot 'r2'" in said
 
 
-def test_a_word_is_told_as_the_mission_writes_it(tmp_path: Path) -> None:
+def test_unpronounceable_word_is_reported_as_written(tmp_path: Path) -> None:
     pytest.importorskip("pocketsphinx")
     assert "cannot listen for 'Größe'" in fault(tmp_path, "listen: ['Eine Größe!']")
 

@@ -27,7 +27,7 @@ def walked(folder: Path, *, world: str | None = None, seed: int = 0) -> MissionR
     return run_mission(mission, robot="humanoid", world=world, seed=seed, eyes="truth", physics=True, timeout="15 s")
 
 
-def test_a_humanoid_walks_in_physics_as_far_as_it_is_told_the_same_each_time(tmp_path: Path) -> None:
+def test_humanoid_walks_reproducibly_in_physics(tmp_path: Path) -> None:
     ran = walked(tmp_path)
     assert ran.result == "success", ran.reason
     assert ran.pose is not None
@@ -37,7 +37,7 @@ def test_a_humanoid_walks_in_physics_as_far_as_it_is_told_the_same_each_time(tmp
 
 
 @pytest.mark.parametrize(("robot", "at"), [("humanoid", 2), ("op3", 4)])
-def test_a_hard_push_throws_it_over_as_its_imu_or_its_knees_tell(tmp_path: Path, robot: str, at: int) -> None:
+def test_hard_push_makes_the_robot_fall(tmp_path: Path, robot: str, at: int) -> None:
     (tmp_path / "stroll.yaml").write_text(WALK.replace("0.2 m,", "1 m,"))
     (tmp_path / "rough.yaml").write_text(PUSHED.replace("2 s", f"{at} s"))
     order = RunRequest(
@@ -67,13 +67,13 @@ cases:
 
 
 @pytest.mark.usefixtures("here")
-def test_the_mission_that_ships_walks_round_a_small_square_in_physics(tmp_path: Path) -> None:
+def test_shipped_mission_walks_a_square_in_physics(tmp_path: Path) -> None:
     (tmp_path / "square.test.yaml").write_text(SQUARE)
     said = CliRunner().invoke(mission, ["test", str(tmp_path / "square.test.yaml"), "--physics", "-j", "1"])
     assert said.exit_code == 0, said.output
 
 
-def test_a_film_of_it_shows_its_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_film_of_a_physics_run_shows_the_body(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("drivers.sim.rigid.body_camera._has_egl", lambda: False)  # lines are the same on every machine
     (tmp_path / "stand.yaml").write_text("mission: stand\ntree:\n  wait: 0.3 s\n")
     run = ["run", str(tmp_path / "stand.yaml"), "--robot", "humanoid", "--simulate", "fast", "--physics"]

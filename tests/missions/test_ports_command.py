@@ -25,7 +25,7 @@ def mission(capsys: pytest.CaptureFixture[str], desk: RecordedMachine) -> Missio
     return lambda *arguments: command(capsys, "ports", "--root", str(desk.root), *arguments)
 
 
-def test_an_empty_desk_says_what_to_look_at(mission: Mission) -> None:
+def test_ports_without_devices_gives_hints(mission: Mission) -> None:
     told = mission()
     assert told.code == 0
     assert told.out.startswith("no serial port: no adapter found")
@@ -33,9 +33,7 @@ def test_an_empty_desk_says_what_to_look_at(mission: Mission) -> None:
     assert "no camera\nno sound card\nno game pad\n" in told.out
 
 
-def test_each_port_says_what_it_is_how_to_call_it_and_what_is_in_the_way(
-    mission: Mission, desk: RecordedMachine
-) -> None:
+def test_ports_shows_device_name_and_problem_of_each_port(mission: Mission, desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1", by_id="usb-FTDI_FT1-if00-port0", latency=16)
     desk.process(812, "ModemManager", "/dev/ttyUSB0")
     desk.port("ttyACM0", "2341:0043", serial="A1")
@@ -53,7 +51,7 @@ def test_each_port_says_what_it_is_how_to_call_it_and_what_is_in_the_way(
     assert "    try: mission ports --ask /dev/ttyACM0  (hands off the robot)\n" in told.out
 
 
-def test_that_a_port_was_left_alone_is_nothing_wrong(mission: Mission, desk: RecordedMachine) -> None:
+def test_unprobed_port_is_no_error(mission: Mission, desk: RecordedMachine) -> None:
     desk.port("ttyACM0", "2341:0043", serial="A1")
     assert mission().code == 0
     assert mission("--no-ask").code == 0
@@ -71,7 +69,7 @@ def test_programs_get_the_same_as_json(mission: Mission, desk: RecordedMachine) 
     assert told["cameras"][0]["name"] == "HD Webcam"
 
 
-def test_a_port_that_is_not_there_cannot_be_asked(mission: Mission) -> None:
+def test_missing_port_cannot_be_probed(mission: Mission) -> None:
     told = mission("--ask", "/dev/ttyUSB7")
     assert told.code == 2
     assert "--ask /dev/ttyUSB7: no such serial port" in told.err
@@ -81,9 +79,7 @@ def _step(steps: Iterator[Callable[[], object]]) -> None:
     next(steps, bool)()
 
 
-def test_what_is_unplugged_and_plugged_in_again_is_found(
-    capsys: pytest.CaptureFixture[str], desk: RecordedMachine
-) -> None:
+def test_device_is_identified_by_unplugging_it(capsys: pytest.CaptureFixture[str], desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "1a86:55d3")
     desk.port("ttyUSB1", "1a86:55d3")
     steps = iter((lambda: desk.unplug("ttyUSB1"), lambda: None, lambda: desk.port("ttyUSB1", "1a86:55d3")))
@@ -102,7 +98,7 @@ def test_where_nothing_is_plugged_in_nothing_can_be_found(
 
 
 @pytest.mark.parametrize("as_json", [False, True])
-def test_what_comes_and_goes_is_told_until_ctrl_c(
+def test_ports_watch_reports_changes_until_ctrl_c(
     capsys: pytest.CaptureFixture[str], desk: RecordedMachine, as_json: bool
 ) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1")
@@ -131,7 +127,7 @@ def test_what_comes_and_goes_is_told_until_ctrl_c(
     assert told[-1] == "- /dev/ttyUSB0"
 
 
-def test_what_came_is_told_and_nothing_else(desk: RecordedMachine) -> None:
+def test_only_new_devices_are_shown(desk: RecordedMachine) -> None:
     desk.port("ttyUSB0", "0403:6014", serial="FT1")
     before = scan_hardware(desk.machine)
     desk.port("ttyACM0", "16c0:0483", serial="T1")

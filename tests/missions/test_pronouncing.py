@@ -25,7 +25,7 @@ def test_the_robot_file_goes_before_the_dictionary() -> None:
     assert lexicon_for(config, ["hello"], SystemClock()).pronunciations("hello")[0] == ("HH", "AY")
 
 
-def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
+def test_name_in_no_dictionary_is_pronounced_by_the_synthesiser() -> None:
     pytest.importorskip("espeakng_loader")
     assert find_unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == []
     lexicon = lexicon_for(MicrophoneKeys(), ["hello", "wheatleyon"], SystemClock())
@@ -33,12 +33,12 @@ def test_a_name_that_is_in_neither_is_said_by_the_synthesiser() -> None:
     assert lexicon.pronunciations("hello")
 
 
-def test_without_a_synthesiser_it_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_name_is_unpronounceable_without_a_synthesiser(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pronunciation, "find_spec", lambda _: None)
     assert find_unpronounceable(MicrophoneKeys(), ["hello", "wheatleyon"]) == ["wheatleyon"]
 
 
-def test_what_the_synthesiser_cannot_say_either_is_told_with_what_to_write(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_word_unknown_to_the_synthesiser_gives_a_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     def silent(*_: object) -> str:
         raise ValueError("phoneme 'q' is not one of the voice en-us")
 
@@ -63,7 +63,7 @@ def test_recognisers_with_a_model_of_the_users_know_their_own_words(recogniser: 
     assert (find_unpronounceable(keys, ["wheatleyon"]), find_confusable_phrases(keys, ["go", "no"])) == ((), ())
 
 
-def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_recogniser_gives_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(pronunciation, "load_english", lambda _: None)
     assert find_unpronounceable(MicrophoneKeys(), ["hello"]) == ()
     with pytest.raises(NotConnected, match="pocketsphinx, which understands speech, is not installed") as caught:
@@ -71,15 +71,13 @@ def test_without_a_recogniser_the_hint_is_what_to_install(monkeypatch: pytest.Mo
     assert "missiontree[listen]" in caught.value.hint
 
 
-def test_sound_comes_from_where_the_file_says() -> None:
+def test_microphone_source_follows_the_robot_file() -> None:
     clock = ManualClock()
     assert isinstance(sound_card(MicrophoneKeys(), DriverContext(clock)), SoundCardMicrophone)
     assert isinstance(recording(WavFileKeys(source="a.wav"), DriverContext(clock)), WavMicrophone)
 
 
-def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_missing_recording_is_reported_with_its_full_path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     source = recording(WavFileKeys(source="a.wav"), DriverContext(ManualClock()))
     source.open()
@@ -89,7 +87,7 @@ def test_a_recording_that_is_missing_is_named_with_the_folder_where_it_was_looke
 @pytest.mark.parametrize(
     "config", [MicrophoneKeys(), *(MicrophoneKeys(recogniser=other, model="m") for other in ("vosk", "sherpa"))]
 )
-def test_ears_that_are_not_open_say_so_and_have_heard_nothing(config: MicrophoneKeys, tmp_path: Path) -> None:
+def test_closed_ears_are_offline_and_empty(config: MicrophoneKeys, tmp_path: Path) -> None:
     clock = ManualClock()
     source = WavMicrophone(tmp_path / "none.wav", clock)
     ears = make_ears(config, source, ["hello robot"], clock, report=ignore)

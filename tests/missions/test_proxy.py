@@ -115,7 +115,7 @@ def winches(deck: Deck, answers: TickCache) -> tuple[Winch, Winch]:
     return winch, for_leaf(winch, "hoist", deck.tell)
 
 
-def test_a_command_is_permitted_given_and_then_told(deck: Deck, answers: TickCache) -> None:
+def test_command_is_permitted_then_executed_then_reported(deck: Deck, answers: TickCache) -> None:
     _, leafs = winches(deck, answers)
     assert leafs.lift(20.0, hooks=["left"]) == 12.0  # type: ignore[arg-type] # a list is kept as a tuple
     told = {"lift": 20.0, "hooks": ["left"]}
@@ -123,20 +123,20 @@ def test_a_command_is_permitted_given_and_then_told(deck: Deck, answers: TickCac
     assert answers.take_answers() == [("winch", "lift", (20.0, ("left",)), 12.0)]
 
 
-def test_a_command_of_rest_is_told_before_it_is_given_and_needs_no_permit(deck: Deck, answers: TickCache) -> None:
+def test_stop_command_is_reported_first_and_needs_no_permit(deck: Deck, answers: TickCache) -> None:
     _, leafs = winches(deck, answers)
     leafs.rest()
     assert deck.row == [{"rest": True}, "rest"]
 
 
-def test_a_command_that_moves_nothing_needs_no_permit(deck: Deck, answers: TickCache) -> None:
+def test_command_without_motion_needs_no_permit(deck: Deck, answers: TickCache) -> None:
     winch, _ = winches(deck, answers)
     winch.drop("crew")
     winch.lift(0.0)
     assert deck.row == [("drop", "crew"), ("lift", 0.0, None)]
 
 
-def test_what_is_refused_is_recorded_and_not_told(deck: Deck, answers: TickCache) -> None:
+def test_refused_command_is_recorded_but_not_reported(deck: Deck, answers: TickCache) -> None:
     _, leafs = winches(deck, answers)
     deck.trouble = fault = DeviceFault("the rope is torn")
     with pytest.raises(DeviceFault, match="torn"):
@@ -145,14 +145,14 @@ def test_what_is_refused_is_recorded_and_not_told(deck: Deck, answers: TickCache
     assert answers.take_answers() == [("winch", "lift", (1.0, None), fault)]
 
 
-def test_what_a_leaf_may_not_say_is_changed_for_a_leaf_alone(deck: Deck, answers: TickCache) -> None:
+def test_proxy_replaces_reserved_arguments_only_for_leaves(deck: Deck, answers: TickCache) -> None:
     winch, leafs = winches(deck, answers)
     winch.drop("crew")
     leafs.drop("crew")
     assert deck.row == [("drop", "crew"), {"drop": "leaf"}, ("drop", "leaf")]
 
 
-def test_a_leaf_cannot_drive_as_somebody_else_and_stops_the_base_for_nobody_else() -> None:
+def test_leaf_drives_and_stops_only_as_the_mission() -> None:
     bench = LeafTestBench()
     stops: list[Source | None] = []
     bench.base.stop = lambda *, source=None: stops.append(source)  # type: ignore[method-assign]
@@ -167,7 +167,7 @@ def test_a_leaf_cannot_drive_as_somebody_else_and_stops_the_base_for_nobody_else
     assert stops == [Source.MISSION, Source.MISSION, None]
 
 
-def test_a_behaviour_does_not_release_what_a_person_has_stopped() -> None:
+def test_leaf_cannot_enable_a_part_stopped_by_a_person() -> None:
     def stopped(_: Device) -> None:
         raise DeviceFault("stopped by Ann")
 
@@ -179,7 +179,7 @@ def test_a_behaviour_does_not_release_what_a_person_has_stopped() -> None:
     assert bench.base.latched == "it has fallen"
 
 
-def test_commands_are_told_with_what_missions_know_them_by() -> None:
+def test_commands_are_reported_in_terms_of_missions() -> None:
     bench, told = LeafTestBench(), list[Mapping[str, object]]()
     leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache()), lambda *each: told.append(each[2]))
     leafs.base.drive(Velocity(0.12345, 0.0))
@@ -214,7 +214,7 @@ def test_commands_are_told_with_what_missions_know_them_by() -> None:
     ]
 
 
-def test_between_a_leaf_and_the_driver_there_is_one_call() -> None:
+def test_proxy_adds_one_call_between_leaf_and_driver() -> None:
     bench, depths = LeafTestBench(), list[int]()
 
     def drive(velocity: Velocity, *, source: Source = Source.MISSION) -> Velocity:
@@ -243,7 +243,7 @@ def test_readings_are_looked_up_and_properties_too(deck: Deck, answers: TickCach
     assert (leafs.rope, leafs.jammed, leafs.name) == (12.0, False, "winch")
 
 
-def test_a_sample_asks_what_is_sampled_and_what_is_fixed_once(deck: Deck, answers: TickCache) -> None:
+def test_sample_reads_sampled_queries_and_constants_once(deck: Deck, answers: TickCache) -> None:
     winches(deck, answers)
     for expected in (["rope", "load"], ["load"]):
         answers.is_open = True
@@ -329,7 +329,7 @@ ANSWERED = {
 """The questions whose answers records hold."""
 
 
-def test_what_records_hold_is_still_the_command_or_the_question_that_it_was() -> None:
+def test_recorded_names_are_still_commands_or_queries() -> None:
     """Records of every version are read by this; what is new since then, they do not hold."""
     for part, recorded in RECORDED.items():
         assert recorded <= command_names(part), part

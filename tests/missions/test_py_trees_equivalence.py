@@ -140,7 +140,7 @@ class Pair:
 
 @settings(suppress_health_check=[HealthCheck.too_slow])
 @given(trees(), st.lists(st.sampled_from(["tick"] * 6 + ["halt"]), min_size=1, max_size=15))
-def test_statuses_calls_and_feedback_are_those_of_py_trees(build: Build, todo: list[str]) -> None:
+def test_statuses_calls_and_feedback_match_py_trees(build: Build, todo: list[str]) -> None:
     pair = Pair(build)
     for step in todo:
         if step == "tick":
@@ -154,7 +154,7 @@ def test_statuses_calls_and_feedback_are_those_of_py_trees(build: Build, todo: l
 # --- the intended differences, one by one (the table of behaviours.py_trees_leaf.PyTreesLeaf)
 
 
-def test_a_halt_of_what_has_ended_tells_it_nothing() -> None:
+def test_halt_of_an_ended_tree_calls_nothing() -> None:
     calls: list[str] = []
     mission = missions.wrap(Scripted("a", [SUCCESS], calls))
     mission.tick()
@@ -173,7 +173,7 @@ class Raises(Scripted):
 
 
 @pytest.mark.parametrize("script", [[FAILURE], [RUNNING, FAILURE]])
-def test_what_raises_is_stopped_once_and_has_failed(script: list[Status]) -> None:
+def test_raising_behaviour_is_stopped_once_and_fails(script: list[Status]) -> None:
     calls: list[str] = []
     mission = missions.wrap(composites.Sequence("s", memory=True, children=[Raises("a", script, calls)]))
     for _ in script:
@@ -185,7 +185,7 @@ def test_what_raises_is_stopped_once_and_has_failed(script: list[Status]) -> Non
     assert {node.status for node in mission.root.children[0].iterate()} == {INVALID}
 
 
-def test_what_has_just_begun_beside_something_that_raises_is_stopped_too() -> None:
+def test_behaviour_started_beside_a_raising_one_is_stopped() -> None:
     calls: list[str] = []
     children: list[Behaviour] = [Scripted("a", [RUNNING], calls), Raises("b", [FAILURE], calls)]
     everything = ParallelPolicy.SuccessOnAll()
@@ -214,6 +214,6 @@ class NeedsSetup(Behaviour):
         return SUCCESS if self.ready == 1 else FAILURE
 
 
-def test_everything_in_it_is_set_up_once_before_the_first_tick() -> None:
+def test_wrapped_tree_is_set_up_once_before_the_first_tick() -> None:
     mission = missions.wrap(composites.Sequence("s", memory=False, children=[NeedsSetup("a"), NeedsSetup("b")]))
     assert [mission.tick() for _ in range(3)] == [SUCCESS] * 3

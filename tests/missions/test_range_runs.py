@@ -52,7 +52,7 @@ def measured(folder: Path, *, simulate: Literal["wire", "fast"]) -> tuple[float,
 
 @pytest.mark.parametrize("simulate", ["wire", "fast"])
 @pytest.mark.real_time
-def test_a_mission_reads_what_is_around_the_robot(tmp_path: Path, simulate: Literal["wire", "fast"]) -> None:
+def test_mission_reads_the_range_finder(tmp_path: Path, simulate: Literal["wire", "fast"]) -> None:
     # The robot is in the middle of a corridor of 2 m, whose walls reach into what is ahead at 30 degrees.
     ahead, nearest = measured(tmp_path, simulate=simulate)
     assert nearest == pytest.approx(1.0, abs=0.1)
@@ -87,12 +87,12 @@ def looked(*things: tuple[float, float]) -> tuple[Any, ManualClock]:
     return state_of(Robot(ranger_part=twin), clock)["range"], clock
 
 
-def test_what_is_ahead_is_within_30_degrees_and_what_is_nearest_anywhere() -> None:
+def test_range_ahead_covers_30_degrees_and_nearest_all_directions() -> None:
     state, _ = looked((29, 1.5), (-20, 2.0), (40, 0.5), (180, 0.25))
     assert (state.nearest, state.ahead) == (0.25, 1.5)
 
 
-def test_where_nothing_is_the_finder_sees_as_far_as_it_can() -> None:
+def test_range_ahead_without_obstacle_is_the_maximum_range() -> None:
     state, _ = looked((90, 3.0))
     assert (state.nearest, state.ahead) == (3.0, 12.0)
 
@@ -105,12 +105,12 @@ def test_an_old_turn_is_not_trusted() -> None:
             getattr(state, name)
 
 
-def test_without_a_range_finder_nothing_is_known_of_what_is_ahead() -> None:
+def test_range_state_is_none_without_a_range_finder() -> None:
     state = state_of(Robot(), ManualClock())["range"]
     assert [getattr(state, name) for name in ("nearest", "ahead")] == [None, None]
 
 
-def test_a_leaf_that_asks_for_a_range_finder_without_declaring_it_is_told_so() -> None:
+def test_undeclared_need_of_a_range_finder_gives_a_hint() -> None:
     with pytest.raises(BadRequest, match="this robot has no range") as caught:
         Robot().ranger  # noqa: B018 - the asking is what is tested
     assert "{'range'}" in caught.value.hint

@@ -105,7 +105,7 @@ def words(line: str) -> list[str]:
 
 
 @pytest.mark.usefixtures("folder")
-def test_words_of_a_command_are_those_of_a_shell() -> None:
+def test_readme_commands_are_split_like_in_a_shell() -> None:
     photos = [f"photos/anna{number}.jpg" for number in range(4)]
     assert words('person add "Anna B" photos/anna*.jpg') == ["person", "add", "Anna B", *photos]
 
@@ -225,13 +225,13 @@ def test_simulate_prints_the_ports_of_its_devices(line: str, folder: Path) -> No
 
 
 @pytest.mark.parametrize("line", [line for line in commands() if of_kind(line) == "page"])
-def test_the_studio_prints_its_link_and_ends_on_ctrl_c(line: str, folder: Path) -> None:
+def test_studio_prints_its_link_and_ends_on_ctrl_c(line: str, folder: Path) -> None:
     process = Process(*shlex.split(line), "--port", "0", folder=folder)
     process.wait_for_line(lambda text: "http://127.0.0.1:" in text)
     assert process.end(signal.SIGINT) == 0
 
 
-def test_the_files_that_the_pages_show_load(folder: Path) -> None:
+def test_files_shown_in_the_pages_load(folder: Path) -> None:
     assert load_robot(folder / "my_robot.yaml").parts == {"base", "voice"}
     shown, shipped = load_mission(str(folder / "greet.yaml")), load_mission("greet")
     assert [step.kind for step in shown.tree.walk()] == [step.kind for step in shipped.tree.walk()]

@@ -30,7 +30,7 @@ class RecordedHorned(RecordedBase):
     protocol = Horned
 
 
-def test_a_recorder_keeps_commands_that_nobody_wrote_for_it_and_knows_no_answers() -> None:
+def test_recorder_stores_undeclared_commands_and_answers_no_queries() -> None:
     base: Horned = (recorder := RecordedHorned(ManualClock(1.0)))
     base.honk(0.5, times=2)
     base.hush()

@@ -95,12 +95,12 @@ def test_a_bump_in_the_middle_of_a_mission_shows_safety_as_the_source_of_command
     assert ran.reflexes() == [("bumper", "left", True), ("bumper", "left", False)]
 
 
-def test_a_bump_fails_the_behaviour_that_drives(tmp_path: Path) -> None:
+def test_bump_fails_the_driving_leaf(tmp_path: Path) -> None:
     ran = Ran(tmp_path, FAR, {1.0: bump})
     assert (ran.result.result, ran.result.reason) == ("failure", "bumped into something")
 
 
-def test_a_button_stops_the_base_until_another_enables_it(tmp_path: Path) -> None:
+def test_button_latches_the_base_until_the_enable_button(tmp_path: Path) -> None:
     tree = f"selector: [{{{FAR}}}, {{sequence: [{{wait: 1 min, until: not base.stopped}}, {{drive: 20 cm}}]}}]"
     ran = Ran(tmp_path, tree, {1.0: press(0), 1.2: press(), 3.0: press(2), 3.2: press()})
     assert ran.result.result == "success"
@@ -129,11 +129,11 @@ def test_a_range_finder_is_read_by_expressions(tmp_path: Path) -> None:
     assert "range" in ran.twins.parts
 
 
-def test_a_mission_that_drives_needs_the_range_finder_for_the_range_guard(tmp_path: Path) -> None:
+def test_driving_mission_opens_the_range_finder(tmp_path: Path) -> None:
     assert "range" in Ran(tmp_path, "drive: 10 cm").twins.parts
 
 
-def test_a_person_sees_what_stops_the_base_and_that_its_battery_is_low() -> None:
+def test_run_display_shows_latch_and_low_battery() -> None:
     out = StringIO()
     show = RunDisplay(out)
     show(ReflexFired(1.0, 20, "latched", "button 0 was pressed", on=True))

@@ -33,7 +33,7 @@ def desk(tmp_path: Path) -> RecordedMachine:
     return RecordedMachine(tmp_path / "machine")
 
 
-def test_a_robot_that_is_used_is_the_one_that_is_meant_by_mine(mission: Mission) -> None:
+def test_robot_use_sets_the_default_robot(mission: Mission) -> None:
     assert mission("robot", "show").code == 2
     told = mission("robot", "use", "humanoid")
     assert told.code == 0
@@ -45,7 +45,7 @@ def test_a_robot_that_is_used_is_the_one_that_is_meant_by_mine(mission: Mission)
     assert "arm: dynamixel" in shown
 
 
-def test_a_file_of_ones_own_is_used_by_its_whole_path(
+def test_robot_use_stores_the_absolute_path_of_a_file(
     mission: Mission, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "kit.yaml").write_text(
@@ -71,7 +71,7 @@ def test_a_computer_can_have_no_robot_again(mission: Mission) -> None:
     assert mission("robot", "use").code == 2
 
 
-def test_a_default_that_is_gone_can_be_forgotten(mission: Mission) -> None:
+def test_missing_default_robot_can_be_removed(mission: Mission) -> None:
     file = config_folder() / "defaults.yaml"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("robot: nobody\nrecord: false\n")
@@ -80,7 +80,7 @@ def test_a_default_that_is_gone_can_be_forgotten(mission: Mission) -> None:
     assert file.read_text() == "record: false\n"
 
 
-def test_a_default_that_is_written_in_another_way_is_left_to_its_owner(mission: Mission) -> None:
+def test_default_robot_in_flow_style_is_not_edited(mission: Mission) -> None:
     file = config_folder() / "defaults.yaml"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text("{robot: humanoid, record: false}\n")
@@ -92,7 +92,7 @@ def test_a_default_that_is_written_in_another_way_is_left_to_its_owner(mission: 
 NOTE = "the robot is 'so101', this computer's own by {0}/defaults.yaml: --robot NAME selects another"
 
 
-def test_an_error_about_a_robot_that_was_not_named_says_where_its_name_is_from(mission: Mission) -> None:
+def test_error_about_the_own_robot_names_the_defaults_file(mission: Mission) -> None:
     mission("robot", "use", "so101")
     note = NOTE.format(config_folder())
     for line in ("run square_3m --simulate fast", "run wave --robot mine --no-record", "robot check --root /nowhere"):
@@ -125,7 +125,7 @@ def test_all_commands_simulate_this_computers_own_robot(mission: Mission, tmp_pa
     assert mission("test", "-j", "1", "greet", "-k", "told to say").code == 0, "tests that ship keep their robot"
 
 
-def test_a_robot_of_ones_own_that_is_gone_is_told_once_by_every_command(mission: Mission, tmp_path: Path) -> None:
+def test_missing_own_robot_is_reported_once_by_every_command(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "still.yaml").write_text("mission: still\ntree: succeed\n")
     still = str(tmp_path / "still.yaml")
     mission("robot", "use", "so101")
@@ -136,14 +136,14 @@ def test_a_robot_of_ones_own_that_is_gone_is_told_once_by_every_command(mission:
         assert (told.code, told.err.count("robot use --none")) == (2, 1), line
 
 
-def test_an_error_about_the_usual_robot_names_it(mission: Mission) -> None:
+def test_error_about_the_default_robot_names_it(mission: Mission) -> None:
     line = ("servo", "move", "tentacle", "10 deg")
     told = mission(*line)
     assert "the robot is 'turtlebot2_arm', the default: --robot NAME selects another" in told.err
     assert "the robot is" not in mission(*line, "--robot", "so101", "--simulate").err
 
 
-def test_a_mistake_of_another_kind_says_nothing_of_the_robot(mission: Mission, tmp_path: Path) -> None:
+def test_unrelated_error_does_not_mention_the_default_robot(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "wrong.yaml").write_text("mission: wrong\ntree:\n  wait: 1\n")
     mission("robot", "use", "turtlebot2")
     assert "this computer's own" not in mission("run", str(tmp_path / "wrong.yaml")).err
@@ -155,7 +155,7 @@ def test_the_demo_names_its_robot() -> None:
     assert "--simulate --robot turtlebot2_arm" in line
 
 
-def test_a_robot_that_is_no_robot_is_not_used(mission: Mission, tmp_path: Path) -> None:
+def test_invalid_robot_file_is_not_set_as_default(mission: Mission, tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text("robot: wrong\nbase: {driver: kobuki}\n")
     told = mission("robot", "use", str(wrong))
@@ -164,7 +164,7 @@ def test_a_robot_that_is_no_robot_is_not_used(mission: Mission, tmp_path: Path) 
     assert load_defaults().robot == ""
 
 
-def test_robot_mine_runs_on_it(mission: Mission) -> None:
+def test_robot_mine_uses_the_default_robot(mission: Mission) -> None:
     assert "mission robot use NAME" in mission("run", "greet", "--robot", "mine").err
     mission("robot", "use", "turtlebot2_arm")
     told = mission("run", "greet", "--robot", "mine", "--port", "base=/dev/null", "--no-record")
@@ -172,7 +172,7 @@ def test_robot_mine_runs_on_it(mission: Mission) -> None:
     assert "base: /dev/null: not a serial port" in told.err
 
 
-def test_what_is_simulated_without_a_name_is_this_computers_robot(mission: Mission) -> None:
+def test_simulation_uses_the_own_robot_by_default(mission: Mission) -> None:
     mission("robot", "use", "so101")
     told = mission("run", "square_3m", "--simulate", "fast")
     assert told.code == 2
@@ -202,7 +202,7 @@ def plugged(desk: RecordedMachine, monkeypatch: pytest.MonkeyPatch) -> Iterator[
 
 
 @pytest.mark.usefixtures("plugged")
-def test_each_part_is_compared_with_what_answers(mission: Mission, desk: RecordedMachine) -> None:
+def test_robot_check_compares_each_part_with_its_device(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("robot", "check", "turtlebot2_arm", "--root", str(desk.root))
     assert told.code == 1
     lines = told.out.splitlines()
@@ -213,13 +213,13 @@ def test_each_part_is_compared_with_what_answers(mission: Mission, desk: Recorde
     assert "         try: mission ports  (lists the ports and their names)" in lines
 
 
-def test_the_command_says_what_is_wrong_and_ends_with_1(mission: Mission, desk: RecordedMachine) -> None:
+def test_robot_check_reports_faults_and_exits_with_1(mission: Mission, desk: RecordedMachine) -> None:
     told = mission("robot", "check", "turtlebot2", "--root", str(desk.root))
     assert told.code == 1
     assert "wrong    base port: no device at /dev/kobuki\n         try: mission ports" in told.out
 
 
-def test_what_is_ones_own_is_listed_and_completed_also_beside_a_broken_file(mission: Mission) -> None:
+def test_own_robots_are_listed_and_completed_beside_a_broken_file(mission: Mission) -> None:
     folder = config_folder() / "robots"
     folder.mkdir(parents=True)
     (folder / "kit.yaml").write_text("robot: kit\nsummary: A kit.\n")
@@ -232,9 +232,7 @@ def test_what_is_ones_own_is_listed_and_completed_also_beside_a_broken_file(miss
     assert {"kit", "wrong", "mine", "turtlebot2"} <= set(names)
 
 
-def test_a_wrong_default_is_told_with_its_file_and_so_are_folders_that_are_gone(
-    mission: Mission, tmp_path: Path
-) -> None:
+def test_wrong_default_and_missing_folders_are_reported_with_the_file(mission: Mission, tmp_path: Path) -> None:
     file = config_folder() / "defaults.yaml"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.write_text(f"robot: nobody\nfolders: [{tmp_path}, {tmp_path}/gone]\n")
@@ -260,7 +258,7 @@ def test_a_port_without_a_path_is_refused(mission: Mission) -> None:
     assert (refused.code, "'head=' is not NAME=VALUE, such as base=/dev/ttyUSB0" in refused.err) == (2, True)
 
 
-def test_a_default_that_cannot_be_kept_is_told_with_its_file_and_what_to_type(mission: Mission) -> None:
+def test_unwritable_defaults_file_is_reported_with_a_hint(mission: Mission) -> None:
     (config_folder().parent).mkdir(parents=True, exist_ok=True)
     config_folder().touch()
     told = mission("robot", "use", "turtlebot2")

@@ -19,7 +19,7 @@ from missions.plugins.testing.recorders import LeafTestBench
 from tests.missions.command import command
 
 
-def test_the_mouth_follows_the_shapes_of_what_is_said_and_shuts_behind_it() -> None:
+def test_mouth_follows_the_visemes_and_closes_after_speech() -> None:
     bench = LeafTestBench()
     lips = MouthAnimation(bench.voice, bench.screen, bench.clock)
     lips.step()
@@ -35,7 +35,7 @@ def test_the_mouth_follows_the_shapes_of_what_is_said_and_shuts_behind_it() -> N
     assert bench.screen.commands == [1.0, 1.0, 0.0, MOUTH_OPENINGS[Mouth.ROUND], 0.0]
 
 
-def test_without_shapes_it_opens_and_shuts_by_the_clock() -> None:
+def test_mouth_without_visemes_moves_by_the_clock() -> None:
     bench = LeafTestBench()
     lips = MouthAnimation(bench.voice, bench.screen, bench.clock)
     bench.voice.say("Hello")
@@ -47,11 +47,11 @@ def test_without_shapes_it_opens_and_shuts_by_the_clock() -> None:
     assert 0.5 < max(openings) <= 0.6
 
 
-def test_every_shape_of_a_mouth_has_its_opening() -> None:
+def test_every_mouth_shape_has_an_opening() -> None:
     assert set(MOUTH_OPENINGS) == set(Mouth)
 
 
-def test_the_screen_is_what_the_robot_file_says() -> None:
+def test_screen_driver_follows_the_robot_file() -> None:
     clock = SystemClock()
     assert isinstance(printed(PageKeys(), DriverContext(clock, print_line=print)), PrintedScreen)
     page = make_page(PageKeys(mood="happy"), DriverContext(clock))
@@ -59,7 +59,7 @@ def test_the_screen_is_what_the_robot_file_says() -> None:
     assert page.content().mood is Mood.HAPPY
 
 
-def test_a_lively_screen_moves_its_mouth_by_itself_and_leaves_nothing_behind() -> None:
+def test_talking_screen_animates_the_mouth_until_closed() -> None:
     bench = LeafTestBench()
     page = PageScreen(SystemClock())
     moved = Event()
@@ -83,7 +83,7 @@ def test_a_lively_screen_moves_its_mouth_by_itself_and_leaves_nothing_behind() -
     assert not lively.health().online
 
 
-def test_a_robot_without_a_voice_has_no_thread_for_its_mouth(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_screen_without_a_voice_starts_no_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     def started(**_: object) -> None:
         pytest.fail("a thread for a mouth that nothing moves")
 
@@ -98,9 +98,7 @@ def test_a_robot_without_a_voice_has_no_thread_for_its_mouth(monkeypatch: pytest
     assert len(told) == 2
 
 
-def test_a_robot_works_while_another_program_has_the_port_of_its_face(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_run_continues_with_the_screen_port_in_use(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     robot, mission = tmp_path / "faced.yaml", tmp_path / "smile.yaml"
     mission.write_text("mission: smile\ntree:\n  sequence:\n    - face: happy\n    - show: Hello\n", encoding="utf-8")
     with socket.create_server(("127.0.0.1", 0)) as other:

@@ -205,7 +205,7 @@ def calibrate_so101(bench: Workbench) -> None:
 
 
 @pytest.mark.parametrize("like", ["so101", "none"])
-def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
+def test_robot_new_offers_a_lerobot_calibration(
     bench: Workbench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, like: str
 ) -> None:
     calibrate_so101(bench)
@@ -226,7 +226,9 @@ def test_the_calibration_of_lerobot_is_offered_and_taken_with_its_names(
     assert bench.instructions("ttyACM0") == READS
 
 
-def test_a_calibration_without_its_file_leaves_its_limits(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_new_uses_servo_limits_without_a_calibration_file(
+    bench: Workbench, capsys: pytest.CaptureFixture[str]
+) -> None:
     calibrate_so101(bench)
     bench.session(Person({**ADA, r"similar\?": "so101"}))
     assert "were calibrated by another program" in capsys.readouterr().out
@@ -237,7 +239,7 @@ def test_a_calibration_without_its_file_leaves_its_limits(bench: Workbench, caps
 
 
 @pytest.mark.parametrize("model", ["pi_car", "wave_rover"])
-def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
+def test_robot_new_creates_an_unplugged_car_from_a_shipped_one(
     bench: Workbench, capsys: pytest.CaptureFixture[str], model: str
 ) -> None:
     person = Person({"name of the robot": "beep", r"similar\?": model})
@@ -255,7 +257,7 @@ def test_a_car_that_is_not_plugged_in_is_made_like_a_known_one(
         assert "Hello!" in ran.out
 
 
-def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) -> None:
+def test_robot_new_asks_for_the_joint_names_of_an_unknown_arm(bench: Workbench) -> None:
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(4, model="MX-28"), VirtualServo(7)]), "0403:6014", "FT7")
     person = Person({"name of the robot": "kit", r"similar\?": "none", "servo 4": "hip", "servo 7": "knee"})
     bench.session(person)
@@ -269,7 +271,7 @@ def test_an_arm_like_no_other_has_its_joints_named_one_by_one(bench: Workbench) 
 
 
 @pytest.mark.parametrize("robot", ["turtlebot", "so101", "pi_car"])
-def test_left_after_each_answer_it_goes_on_where_it_was(bench: Workbench, robot: str) -> None:
+def test_robot_new_continues_after_an_interruption_at_any_question(bench: Workbench, robot: str) -> None:
     if robot != "pi_car":
         plug_turtlebot(bench) if robot == "turtlebot" else plug_so101(bench)
     answers = {
@@ -306,7 +308,7 @@ def test_all_defaults_move_nothing_and_leave_an_arduino_alone(bench: Workbench) 
     assert bench.instructions("ttyUSB1") == READS
 
 
-def test_where_two_robots_fit_the_user_says_which(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_new_asks_which_of_two_similar_robots(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     plug_so101(bench)
     question = "which of these robots is similar? its names, limits and values are used"
     person = Person({**ADA, r"similar\?": "so101_leader"})
@@ -330,9 +332,7 @@ def test_where_two_robots_fit_all_defaults_take_the_safe_one(bench: Workbench) -
     assert load_defaults().robot == ""
 
 
-def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
-    bench: Workbench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_defaults_taken_with_yes_are_not_saved_as_answers(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
     plug_so101(bench)
 
     def cut(*_: object) -> None:
@@ -353,7 +353,7 @@ def test_defaults_that_were_taken_with_yes_are_no_answers_of_the_user(
     assert arm.at_end == "relax"
 
 
-def test_all_defaults_go_on_with_the_robot_that_the_user_has_named(bench: Workbench) -> None:
+def test_yes_keeps_the_saved_choice_of_a_similar_robot(bench: Workbench) -> None:
     plug_so101(bench)
     with pytest.raises(click.Abort):
         bench.session(Person({**ADA, r"similar\?": "so101_leader"}, stays=2))
@@ -379,7 +379,7 @@ def plug_strangers(bench: Workbench) -> None:
     bench.plug("ttyUSB1", VirtualServoBus(servos), "0403:6014", "FT7")
 
 
-def test_an_unknown_model_is_asked_for_and_never_taken_for_another(bench: Workbench) -> None:
+def test_robot_new_asks_for_an_unknown_servo_model(bench: Workbench) -> None:
     plug_strangers(bench)
     person = Person({"name of the robot": "kit", "model is servo 2": "XM430-W350", "model is servo 3": "none"})
     bench.session(person)
@@ -397,7 +397,7 @@ def test_all_defaults_leave_servos_of_unknown_models_out(bench: Workbench) -> No
     assert {joint.id: joint.model for joint in arm.joints.values()} == {1: "XM430-W350"}
 
 
-def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Workbench) -> None:
+def test_duplicate_servo_ids_are_changed_after_consent(bench: Workbench) -> None:
     one, other = VirtualServo(1, angle=0.4), VirtualServo(1, angle=-0.7)
     bench.plug("ttyUSB0", VirtualServoBus([one, other]), "0403:6014", "FT7")
 
@@ -421,7 +421,7 @@ def test_two_servos_of_one_id_get_new_ones_each_after_a_yes_of_its_own(bench: Wo
     assert [joint.id for joint in arm.joints.values()] == [1, 2]
 
 
-def test_who_says_no_has_no_servo_written(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_new_writes_no_servo_without_consent(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.plug("ttyUSB0", VirtualServoBus([VirtualServo(1, angle=0.4), VirtualServo(1)]), "0403:6014", "FT7")
     with suppress(click.Abort):
         bench.session(Person({"name of the robot": "kit", r"similar\?": "none"}, stays=20))
@@ -429,7 +429,7 @@ def test_who_says_no_has_no_servo_written(bench: Workbench, capsys: pytest.Captu
     assert bench.instructions("ttyUSB0") == READS
 
 
-def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_joint_limits_are_measured_by_turning_the_limp_joint(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
     servo = VirtualServo(1)
     bench.plug("ttyUSB0", VirtualServoBus([servo]), "0403:6014", "FT7")
 
@@ -450,7 +450,7 @@ def test_limits_are_those_to_which_a_limp_joint_was_turned(bench: Workbench, mon
 
 
 @pytest.mark.real_time
-def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Workbench) -> None:
+def test_robot_new_sets_flip_and_trim_of_a_head(running: Workbench) -> None:
     nano = plug_turtlebot(running)
     person = Person({**ROSIE, "may the head move": "y", "did it turn to ITS left": "n", "askew in tilt": "3"})
     running.session(person)
@@ -466,7 +466,7 @@ def test_a_head_that_turns_the_other_way_is_flipped_and_put_straight(running: Wo
 
 
 @pytest.mark.parametrize(("grey", "told"), [(0, "the pictures are black"), (128, "have a single colour")])
-def test_a_camera_that_shows_nothing_is_told(
+def test_robot_new_reports_blank_camera_pictures(
     bench: Workbench, capsys: pytest.CaptureFixture[str], tmp_path: Path, grey: int, told: str
 ) -> None:
     picture = tmp_path / "dark.png"
@@ -483,7 +483,7 @@ def test_a_camera_that_shows_nothing_is_told(
     assert told in capsys.readouterr().out
 
 
-def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_new_asks_again_for_an_invalid_name(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     class Slow(Person):
         def __call__(self, question: str, **told: object) -> str:
             super().__call__(question, **told)
@@ -497,7 +497,7 @@ def test_a_name_that_is_taken_is_asked_for_again(bench: Workbench, capsys: pytes
     assert find_file("robots", "kit").is_file()
 
 
-def test_the_command_keeps_the_answers_when_it_is_left(
+def test_robot_new_command_saves_answers_when_interrupted(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     root = str(RecordedMachine(tmp_path / "machine").root)
@@ -513,7 +513,7 @@ def test_the_command_keeps_the_answers_when_it_is_left(
 
 
 @pytest.mark.parametrize("held", [{"a": 1}, "../../kit", "k" * 100_000, "two words"])
-def test_a_name_that_was_kept_is_looked_at_again(bench: Workbench, held: object) -> None:
+def test_saved_robot_name_is_validated_again(bench: Workbench, held: object) -> None:
     bench.kept.parent.mkdir(parents=True, exist_ok=True)
     bench.kept.write_text(json.dumps({"name": held}))
     bench.session(Person({"name of the robot": "kit"}))
@@ -521,15 +521,13 @@ def test_a_name_that_was_kept_is_looked_at_again(bench: Workbench, held: object)
 
 
 @pytest.mark.parametrize("held", ["null", "[1]", "3", "[" * 100_000])
-def test_answers_that_are_none_are_as_if_nothing_had_been_answered(tmp_path: Path, held: str) -> None:
+def test_invalid_saved_answers_are_ignored(tmp_path: Path, held: str) -> None:
     kept = tmp_path / "robot_new.json"
     kept.write_text(held)
     assert not Dialogue(kept).has_answers
 
 
-def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
-    bench: Workbench, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_robot_new_sets_flip_and_trim_of_an_i2c_head(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> None:
     looked: list[HeadPose] = []
 
     @contextmanager
@@ -551,7 +549,7 @@ def test_a_head_on_i2c_that_turns_the_other_way_is_flipped_and_put_straight(
     assert (pan.flip, round(degrees(pan.trim))) == (True, 3)
 
 
-def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_new_asks_which_of_two_bases(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     bench.plug("ttyUSB0", VirtualKobuki(), "0403:6001", "kobuki_7")
     bench.plug("ttyUSB1", VirtualWaveshare(BaseBody(), track=0.17, unit=1.0, encoders=False), "10c4:ea60", "rover_1")
     person = Person(
@@ -567,7 +565,7 @@ def test_of_two_bases_that_answer_one_is_chosen(bench: Workbench, capsys: pytest
 
 
 @pytest.mark.real_time
-def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(running: Workbench) -> None:
+def test_robot_new_names_and_tries_a_second_head(running: Workbench) -> None:
     nano, mast = VirtualRodney(start_angles=FIRST_SKETCH_ANGLES), VirtualRodney(start_angles=FIRST_SKETCH_ANGLES)
     running.plug("ttyUSB0", nano, "1a86:7523", "one")
     running.plug("ttyUSB1", mast, "1a86:7523", "two")
@@ -585,7 +583,7 @@ def test_one_more_head_gets_a_name_of_its_own_and_is_tried_by_it(running: Workbe
     assert "kit_lidar_mast" in (config_folder() / "robots/kit.rules").read_text()
 
 
-def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench) -> None:
+def test_robot_new_names_a_second_arm_and_its_joints(bench: Workbench) -> None:
     plug_so101(bench)
     second = VirtualServoBus([VirtualServo(number, model="STS3215") for number in (1, 2)])
     bench.plug("ttyACM1", second, "1a86:55d3", "5A7A02")
@@ -603,7 +601,7 @@ def test_one_more_arm_gets_a_name_of_its_own_and_its_own_joints(bench: Workbench
     assert bench.instructions("ttyACM1") == READS
 
 
-def test_what_does_not_answer_is_named_by_its_driver(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
+def test_robot_new_adds_undetected_parts_by_driver(bench: Workbench, capsys: pytest.CaptureFixture[str]) -> None:
     parts = "head.arduino, head.arduino_second, voice.print"
     person = Person(
         {"name of the robot": "kit", r"similar\?": "none", "other parts": parts, "another head": "lidar_mast",
@@ -616,7 +614,7 @@ def test_what_does_not_answer_is_named_by_its_driver(bench: Workbench, capsys: p
     assert "  voice: voice.auto, voice.espeak," in capsys.readouterr().out
 
 
-def test_a_driver_of_another_distribution_is_offered(
+def test_robot_new_offers_drivers_of_other_distributions(
     bench: Workbench, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.syspath_prepend(str(Path(__file__).parents[1] / "sample_distribution"))
@@ -677,9 +675,7 @@ def test_without_a_device_all_defaults_write_no_robot(bench: Workbench) -> None:
         bench.session(Person(), yes=True)
 
 
-def test_answers_that_cannot_be_kept_are_said_to_be_lost_once(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_unsaved_answers_are_reported_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "state").touch()  # no folder, so that nothing can be written in it
     talk = Dialogue(tmp_path / "state" / "robot_new.json")
     for key in ("name", "like"):

@@ -32,7 +32,7 @@ def event(text: str = "x") -> Event:
     return Logged(0.0, "info", text)
 
 
-def test_a_listener_that_raises_even_to_leave_the_process_is_told_no_more_and_named() -> None:
+def test_raising_listener_is_removed_and_named() -> None:
     heard: list[Event] = []
 
     def leaver(event: Event) -> None:
@@ -45,7 +45,7 @@ def test_a_listener_that_raises_even_to_leave_the_process_is_told_no_more_and_na
     assert stream.failed_listeners == ["function: no terminal for 0.0"]
 
 
-def test_a_listener_that_hangs_holds_nobody_up() -> None:
+def test_hanging_listener_does_not_block_the_stream() -> None:
     stuck, ready = threading.Event(), threading.Event()
 
     def hang(_: Event) -> None:
@@ -74,7 +74,7 @@ def test_events_come_in_order_and_whole_before_the_stream_has_closed() -> None:
 
 
 @pytest.mark.parametrize("options", [[], ["--json"]], ids=["for people", "for programs"])
-def test_a_mission_ends_at_rest_when_nobody_reads_what_it_prints(options: list[str], tmp_path: Path) -> None:
+def test_closed_output_ends_the_run_with_the_base_stopped(options: list[str], tmp_path: Path) -> None:
     (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     reader, writer = os.pipe()
     process = subprocess.Popen(
@@ -96,7 +96,7 @@ def test_a_mission_ends_at_rest_when_nobody_reads_what_it_prints(options: list[s
     assert (last["result"], last["reason"]) == ("interrupted", OUTPUT_CLOSED)
 
 
-def test_events_that_nobody_reads_any_more_end_it_too(tmp_path: Path) -> None:
+def test_closed_events_pipe_ends_the_run(tmp_path: Path) -> None:
     (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     os.mkfifo(tmp_path / "events")
     process = Process("run", "far.yaml", "--events", "events", folder=tmp_path)
@@ -117,7 +117,7 @@ def test_only_pipes_are_ever_left(tmp_path: Path) -> None:
             wait_until(lambda: told == [OUTPUT_CLOSED])
 
 
-def test_a_full_disk_costs_events_and_is_told(
+def test_full_disk_loses_events_and_is_reported(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if not Path("/dev/full").exists():
@@ -130,7 +130,7 @@ def test_a_full_disk_costs_events_and_is_told(
     assert "Traceback" not in outcome.err
 
 
-def test_a_full_disk_leaves_the_events_that_were_to_be_overwritten(
+def test_full_disk_keeps_the_earlier_events_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -171,7 +171,7 @@ def test_log_is_shown_and_recorded(
 
 
 @pytest.mark.parametrize(("number", "word"), [(signal.SIGTSTP, "Ctrl-Z"), (signal.SIGQUIT, "Ctrl-\\")])
-def test_the_other_keys_that_people_press_in_a_panic_stop_it_too(number: int, word: str, tmp_path: Path) -> None:
+def test_ctrl_z_and_ctrl_backslash_stop_the_run(number: int, word: str, tmp_path: Path) -> None:
     (tmp_path / "far.yaml").write_text("mission: far\ntree:\n  drive: 20 m\n")
     process = Process("run", "far.yaml", "--json", "--events", "e.jsonl", folder=tmp_path)
     events = tmp_path / "e.jsonl"
@@ -180,7 +180,7 @@ def test_the_other_keys_that_people_press_in_a_panic_stop_it_too(number: int, wo
     assert json.loads(process.lines[-1])["reason"] == word
 
 
-def test_settling_makes_the_arm_hold_and_does_not_drop_it() -> None:
+def test_safe_stop_holds_the_arm() -> None:
     bench = LeafTestBench()
     robot = Robot(bench.base, bench.head, bench.arm, bench.voice, bench.sight)
     assembled = AssembledRobot("r", robot, {"base": bench.base, "head": bench.head, "arm": bench.arm})
@@ -191,7 +191,7 @@ def test_settling_makes_the_arm_hold_and_does_not_drop_it() -> None:
     assert bench.head.commands == []
 
 
-def test_one_part_that_cannot_be_settled_does_not_keep_the_others_from_it() -> None:
+def test_failing_part_does_not_prevent_the_safe_stop_of_others() -> None:
     bench = LeafTestBench()
 
     def broken() -> None:
@@ -217,7 +217,7 @@ def test_an_expression_trusts_no_stale_reading() -> None:
         parse("base.bumper").evaluate(state)
 
 
-def test_what_only_an_expression_reads_is_part_of_what_a_mission_needs(tmp_path: Path) -> None:
+def test_parts_read_in_expressions_are_needs_of_the_mission(tmp_path: Path) -> None:
     path = tmp_path / "watch.yaml"
     path.write_text("mission: watch\ntree:\n  wait: 1 s\n  until: face.seen\n  if: battery.percent > 1\n")
     assert load_mission(str(path)).tree.needs == {"camera", "base"}

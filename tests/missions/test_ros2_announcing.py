@@ -84,7 +84,7 @@ RUN: tuple[Event, ...] = (
 
 
 @pytest.mark.real_time
-def test_a_run_is_told_as_topics_also_to_who_comes_later(router: Ros2Terminal, node: Ros2Node) -> None:
+def test_run_is_published_as_topics_with_history(router: Ros2Terminal, node: Ros2Node) -> None:
     heard: dict[str, list[Any]] = {}
 
     def hear(name: str, kind: str) -> None:
@@ -149,7 +149,7 @@ def test_of_many_events_at_once_none_is_lost(router: Ros2Terminal, node: Ros2Nod
     assert [each for each in heard if each] == list(range(1, 1001))
 
 
-def test_without_a_router_a_run_goes_on_and_ends_at_once() -> None:
+def test_run_publisher_works_without_a_router() -> None:
     announcer = RunPublisher(ZenohAccess((free_address(),)), 0)
     announcer.open()
     for event in RUN:
@@ -157,7 +157,7 @@ def test_without_a_router_a_run_goes_on_and_ends_at_once() -> None:
     announcer.close()
 
 
-def test_what_is_seen_is_a_box_in_pixels_a_place_in_the_optical_frame_and_a_time() -> None:
+def test_percepts_are_published_as_box_position_and_time() -> None:
     ball = Thing(*percept(Box(400, 300, 30, 20), nan), name="", colour="red", shape="ball")
     robot = Marker(*percept(Box(310, 230, 20, 20), 1.5), number=12, name="", heading=0.1)
     event = percept_event(View(0.25, (ANNA,), (ball,), (robot,)), 0.3)
@@ -185,9 +185,7 @@ def test_what_is_seen_is_a_box_in_pixels_a_place_in_the_optical_frame_and_a_time
 
 @pytest.mark.real_time
 @pytest.mark.skipif(find_spec("zenoh_ros2_sdk") is None, reason="zenoh_ros2_sdk is not installed: `make test` does")
-def test_a_node_of_ros_starts_missions_hears_of_them_and_cancels_them(
-    router: Ros2Terminal, node: Ros2Node, tmp_path: Path
-) -> None:
+def test_ros2_node_starts_monitors_and_cancels_missions(router: Ros2Terminal, node: Ros2Node, tmp_path: Path) -> None:
     files = {}
     for name, text in MISSIONS.items():
         files[name] = str(tmp_path / f"{name}.yaml")
@@ -220,7 +218,7 @@ class _Silent:
         return None
 
 
-def test_a_path_and_params_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_mission_server_refuses_paths_and_invalid_params(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text(MISSIONS["short"])
     server = MissionServer(cast(Ros2Node, _Silent()), ["--simulate", "nonsense"])
@@ -230,7 +228,7 @@ def test_a_path_and_params_that_are_none_are_refused(tmp_path: Path) -> None:
         assert not server._begin(ActionGoal(cast(ActionServer, None), [], values))
 
 
-def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
+def test_runs_of_the_mission_server_use_its_domain() -> None:
     words = run_arguments("turtlebot4", None, 42, "wire", None)
     assert words == ["--robot", "turtlebot4", "--simulate", "wire", "--ros2-domain", "42", "--ros2"]
     keys = load_named_robot("turtlebot4", 42).keys(ZenohKeys)
@@ -240,13 +238,13 @@ def test_runs_that_nodes_start_are_in_the_domain_of_who_starts_them() -> None:
     assert load_named_robot("turtlebot2", 42).name == "turtlebot2"
 
 
-def test_params_of_a_goal_are_words_as_a_mission_has_them() -> None:
+def test_goal_params_are_converted_to_arguments() -> None:
     told = _parse_params('{"loud": true, "who": "Anna", "times": 3, "patience": "5 s", "quiet": false}')
     assert told == ["loud=true", "who=Anna", "times=3", "patience=5 s", "quiet=false"]
     assert _parse_params("[1]") is None
 
 
-def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_late_cancel_does_not_stop_the_next_run(monkeypatch: pytest.MonkeyPatch) -> None:
     stopped = list[object]()
     monkeypatch.setattr(mission_server, "_stop", stopped.append)
     server = MissionServer(cast(Ros2Node, _Silent()), [])
@@ -259,7 +257,7 @@ def test_a_cancel_of_a_goal_whose_run_has_ended_does_not_stop_the_next(monkeypat
     assert stopped == [None, "the run of now"]
 
 
-def test_a_run_is_told_on_once_the_router_is_back(router: Ros2Terminal) -> None:
+def test_run_publisher_reconnects_to_the_router(router: Ros2Terminal) -> None:
     announcer = RunPublisher(ZenohAccess((router.path,)), 0)
     announcer.open()
 

@@ -80,7 +80,7 @@ def test_topics_nodes_messages_and_places_of_a_robot_are_shown_without_ros(missi
 
 
 @pytest.mark.real_time
-def test_a_robot_that_another_process_serves_by_ros_2_sees_somebody_and_greets(mission: Mission) -> None:
+def test_greet_runs_on_a_robot_simulated_by_another_ros2_process(mission: Mission) -> None:
     router = free_address()
     Path("waving.yaml").write_text(WAVING.replace("ROUTER", router))
     beside = Process(
@@ -94,7 +94,7 @@ def test_a_robot_that_another_process_serves_by_ros_2_sees_somebody_and_greets(m
 
 
 @pytest.mark.real_time
-def test_it_docks_by_the_action_of_the_robot_which_is_rejected_without_a_dock_and_cancelled_in_time(
+def test_dock_uses_the_robots_ros2_action(
     mission: Mission,
 ) -> None:
     dock = ("run", "dock", "--robot", "turtlebot4", "--simulate", "wire", "--no-record", "--world")
@@ -118,7 +118,7 @@ def test_a_capture_holds_tokens_and_messages_and_no_name_of_a_session(mission: M
         types().decode(line["type"], base64.b64decode(line["payload"]))
 
 
-def test_places_are_kept_by_name_and_driven_to(mission: Mission) -> None:
+def test_places_are_stored_by_name_and_navigated_to(mission: Mission) -> None:
     refused = mission("run", "straight.yaml", "--robot", "turtlebot4", "--simulate", "fast")
     assert refused.code == 1
     assert "unknown place 'kitchen'; places: none" in refused.out
@@ -138,7 +138,7 @@ def test_a_place_behind_a_wall_is_given_up_with_nav2s_reason(mission: Mission) -
     assert "navigate_to_pose: no progress (error 105)" in told.out
 
 
-def test_a_robot_without_ros_is_told_so(mission: Mission) -> None:
+def test_ros2_commands_refuse_a_robot_without_ros2(mission: Mission) -> None:
     told = mission("ros2", "topics", "--robot", "turtlebot2")
     assert (told.code, "has no ros2 section" in told.err) == (2, True)
     told = mission("simulate", "--ros2", "tcp/127.0.0.1:1", "--robot", "turtlebot2")
@@ -149,7 +149,7 @@ def test_a_pose_on_the_map_is_put_together_of_two_frames() -> None:
     assert compose((1.0, 2.0, pi / 2), (3.0, 0.0, 0.5)) == pytest.approx((1.0, 5.0, pi / 2 + 0.5))
 
 
-def test_a_pose_on_the_map_is_found_by_whatever_frames_lead_there() -> None:
+def test_map_pose_is_composed_along_the_frame_tree() -> None:
     turned = SimpleNamespace(x=0.0, y=0.0, z=2.0, w=2.0)  # a quarter, of another length
     odom = ("tb4/map", "tb4/odom", (1.0, 2.0), turned)
     foot = ("tb4/odom", "tb4/base_footprint", (3.0, 0.0), turned)
@@ -170,7 +170,7 @@ def test_a_pose_on_the_map_is_found_by_whatever_frames_lead_there() -> None:
         assert found[:2] == pytest.approx((1.0, 5.0))
 
 
-def test_the_frames_of_another_robot_and_those_that_go_round_lead_nowhere() -> None:
+def test_foreign_or_cyclic_frames_give_no_pose() -> None:
     frames, turned = FrameTree("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=1.0)
     for frame, child in (
         ("map", "tb3/odom"),
@@ -186,7 +186,7 @@ def test_the_frames_of_another_robot_and_those_that_go_round_lead_nowhere() -> N
 @pytest.mark.parametrize(("x", "w", "why"), [(nan, 1.0, "its place is nan, 0"), (1e9, 1.0, "its place is 1e+09, 0"),
                                              (0.0, 0.0, "its orientation has the length 0"),
                                              (0.0, nan, "its orientation has the length 0")])  # fmt: skip
-def test_a_frame_that_is_nowhere_is_no_place_and_named(x: float, w: float, why: str) -> None:
+def test_malformed_frame_gives_no_pose_and_a_reason(x: float, w: float, why: str) -> None:
     frames, turned = FrameTree("/tb4"), SimpleNamespace(x=0.0, y=0.0, z=0.0, w=w)
     frames.add_transform(
         "map", "tb4/base_link", SimpleNamespace(translation=SimpleNamespace(x=x, y=0.0), rotation=turned)
@@ -195,7 +195,7 @@ def test_a_frame_that_is_nowhere_is_no_place_and_named(x: float, w: float, why: 
     assert frames.fault == f"base_link in map: {why}"
 
 
-def test_only_places_that_can_be_read_again_are_written(mission: Mission) -> None:
+def test_unreadable_place_names_are_refused(mission: Mission) -> None:
     at = ("--at", "0.5 m, 0.4 m, 90 deg")
     for name in ("yes", "17", "Anna Küche-2"):
         assert mission("ros2", "place", "add", name, *at).code == 0

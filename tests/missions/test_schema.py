@@ -69,7 +69,7 @@ def mission(*lines: str) -> str:
     return head + "".join(f"    {line}\n" for line in lines)
 
 
-def test_it_is_a_schema_of_draft_07_and_plain_json() -> None:
+def test_mission_schema_is_draft_07_and_plain_json() -> None:
     jsonschema.Draft7Validator.check_schema(SCHEMA)
     assert json.loads(json.dumps(SCHEMA, allow_nan=False)) == SCHEMA
 
@@ -130,7 +130,7 @@ GOOD = [
 
 
 @pytest.mark.parametrize("lines", GOOD)
-def test_what_is_right_is_valid(lines: list[str]) -> None:
+def test_correct_mission_matches_the_schema(lines: list[str]) -> None:
     text = mission(*lines)
     assert accepted(text)
     assert complaints(text) == []
@@ -237,7 +237,7 @@ BROKEN = [
 
 
 @pytest.mark.parametrize("lines", BROKEN)
-def test_what_is_wrong_is_not_valid(lines: list[str]) -> None:
+def test_wrong_mission_violates_the_schema(lines: list[str]) -> None:
     text = mission(*lines)
     assert not accepted(text)
     assert complaints(text)
@@ -270,7 +270,7 @@ def test_a_wrong_frame_of_a_mission_is_not_valid(text: str) -> None:
     assert complaints(text)
 
 
-def test_params_are_plain_or_say_more_of_themselves() -> None:
+def test_schema_accepts_short_and_long_params() -> None:
     text = (
         "mission: m\nparams:\n  a: 60 s\n  b: {default: 1 m, low: 0 m, high: 2 m, help: how far}\n  c: {type: text}\n"
         "tree: stop\nreturns: {far: b}\n"
@@ -308,7 +308,7 @@ def numbers() -> st.SearchStrategy[str]:
 
 
 @given(numbers(), st.sampled_from(list(UNITS)))
-def test_a_pattern_takes_exactly_what_the_reader_of_quantities_takes(text: str, dimension: str) -> None:
+def test_schema_pattern_agrees_with_the_quantity_parser(text: str, dimension: str) -> None:
     assume(not re.search(r"[eE]\+?\d{3}", text))  # what is too large to be a number, a pattern cannot tell
     found = parse_quantity(text)
     good = found is not None and found.dimension == dimension
@@ -414,7 +414,7 @@ class Blink(Leaf):
     what: object = argument("value", "anything", default=Status.SUCCESS)
 
 
-def test_a_leaf_of_ones_own_is_in_the_schema_by_its_declaration_alone() -> None:
+def test_own_leaf_is_in_the_schema_by_its_declaration() -> None:
     schema = mission_schema({**LEAVES, "blink": Blink}, shipped_things())
     validator = jsonschema.Draft7Validator(json.loads(json.dumps(schema, allow_nan=False)))
 
@@ -431,7 +431,7 @@ def test_a_leaf_of_ones_own_is_in_the_schema_by_its_declaration_alone() -> None:
     assert not validator.is_valid({"mission": "m", "tree": "blink"})
 
 
-def test_limits_and_defaults_are_said_as_a_mission_writes_them() -> None:
+def test_bounds_and_defaults_are_shown_in_mission_syntax() -> None:
     assert [bounds_text(each) for each in list(Blink.arguments.values())[:4]] == ["", "1 to 9", "", "at most 2"]
     assert [default_text(each) for each in list(Blink.arguments.values())[1:3]] == ["2", "false"]
     assert default_text(LEAVES["find_face"].arguments["pan"]) == "[-60 deg, 60 deg]"
@@ -447,7 +447,7 @@ def run(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.
     return lambda *arguments: command(capsys, *arguments)
 
 
-def test_the_command_writes_the_schema_to_a_file_or_prints_it(run: Callable[..., Outcome]) -> None:
+def test_schema_command_prints_the_schema_or_writes_a_file(run: Callable[..., Outcome]) -> None:
     printed = run("schema")
     assert printed.code == 0
     assert json.loads(printed.out) == SCHEMA
@@ -465,13 +465,13 @@ def test_the_command_takes_behaviours_of_ones_own(run: Callable[..., Outcome]) -
     assert json.loads(outcome.out)["definitions"]["behaviours"]["blink"]["description"] == "Blink."
 
 
-def test_a_schema_that_cannot_be_written_is_a_usage_error(run: Callable[..., Outcome]) -> None:
+def test_unwritable_schema_file_is_a_usage_error(run: Callable[..., Outcome]) -> None:
     outcome = run("schema", "-o", "no/such/folder/s.json")
     assert outcome.code == 2
     assert "there is no folder" in outcome.err
 
 
-def test_check_tells_editors_every_mistake_at_its_place(run: Callable[..., Outcome]) -> None:
+def test_check_json_has_every_mistake_with_its_place(run: Callable[..., Outcome]) -> None:
     Path("bad.yaml").write_text("mission: m\ntree:\n  sequence:\n    - trak_face\n    - wait: 3\n", encoding="utf-8")
     outcome = run("check", "--json", "bad.yaml", "greet")
     assert outcome.code == 2
@@ -498,7 +498,7 @@ def test_check_tells_editors_every_mistake_at_its_place(run: Callable[..., Outco
     ]
 
 
-def test_check_of_good_missions_tells_editors_an_empty_list(run: Callable[..., Outcome]) -> None:
+def test_check_json_of_valid_missions_is_empty(run: Callable[..., Outcome]) -> None:
     outcome = run("check", "--json")
     assert (outcome.code, json.loads(outcome.out)) == (0, [])
 
@@ -511,7 +511,7 @@ tree:
 """
 
 
-def test_check_hints_at_phrases_that_are_easily_confused(run: Callable[..., Outcome]) -> None:
+def test_check_hints_at_easily_confused_phrases(run: Callable[..., Outcome]) -> None:
     pytest.importorskip("pocketsphinx")
     Path("ask.yaml").write_text(CONFUSABLE, encoding="utf-8")
     outcome = run("check", "ask.yaml")
@@ -523,7 +523,7 @@ def test_check_hints_at_phrases_that_are_easily_confused(run: Callable[..., Outc
     assert (hint["line"], hint["severity"]) == (5, "hint")
 
 
-def test_check_hints_at_nothing_that_the_ears_of_the_robot_are_not_known_to_confuse(
+def test_check_gives_no_confusion_hints_for_other_recognisers(
     run: Callable[..., Outcome],
 ) -> None:
     Path("ask.yaml").write_text(CONFUSABLE, encoding="utf-8")

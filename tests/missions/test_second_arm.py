@@ -78,7 +78,7 @@ def written(folder: Path, mission: str = BOTH) -> tuple[str, str]:
     return str(path), str(robot)
 
 
-def test_each_leaf_moves_the_arm_that_it_names(tmp_path: Path) -> None:
+def test_leaf_moves_the_named_arm(tmp_path: Path) -> None:
     mission, robot = written(tmp_path)
     events: list[Event] = []
     result = Runner(RunRequest(mission, robot=robot, simulate="fast"), listeners=[events.append]).run()
@@ -94,14 +94,12 @@ def test_each_leaf_moves_the_arm_that_it_names(tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_each_goes_over_its_own_wire(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_each_arm_uses_its_own_virtual_bus(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission, robot = written(tmp_path)
     assert command(capsys, "run", mission, "--robot", robot, "--simulate", "wire").code == 0
 
 
-def test_each_is_plugged_in_where_the_command_says_by_its_name(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_port_option_takes_the_name_of_the_second_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission, robot = written(tmp_path)
     order = RunRequest(mission, robot=robot, ports={"right_arm": "/dev/three"})
     assert list(contradictions(order, lambda name, _="": name, parts_with_ports)) == []
@@ -121,7 +119,7 @@ def test_a_record_of_both_decides_the_same_again(tmp_path: Path, capsys: pytest.
     assert (again.code, "no difference" in again.out) == (0, True)
 
 
-def test_all_leaves_that_have_to_do_with_an_arm_alone_say_which() -> None:
+def test_every_arm_leaf_has_the_argument_on() -> None:
     of_arms = {
         word: leaf.arguments for word, leaf in LEAVES.items() if "arm" in leaf.needs and "base" not in leaf.needs
     }
@@ -191,7 +189,7 @@ def test_the_checker_knows_which_arm_a_leaf_drives(
     assert told in checked.out + checked.err
 
 
-def test_what_is_right_for_the_arm_that_is_named_is_right(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_joints_are_checked_against_the_named_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = "sequence: [{move_joints: {to: {gripper: 9 deg}, on: right_arm}}, {move_joints: {to: {shoulder: 60 deg}}}]"
     mission, robot = written(tmp_path, f"mission: both\ntree:\n  {lines}\n")
     assert command(capsys, "check", mission, "--robot", robot).code == 0
@@ -203,7 +201,7 @@ def test_two_arms_do_not_share_a_port() -> None:
 
 
 @pytest.mark.usefixtures("here")
-def test_what_goes_wrong_with_one_arm_is_told_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_faults_of_test_files_name_the_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     first, second = "move_joints: {to: {elbow: 30 deg}}", "move_joints: {to: {gripper: 50 deg}, on: right_arm}"
     _, robot = written(tmp_path, f"mission: both\ntree:\n  sequence: [{{{first}}}, {{{second}, timeout: 3 s}}]\n")
     suite = tmp_path / "both.test.yaml"
@@ -233,9 +231,7 @@ tree:
 
 @pytest.mark.usefixtures("here")
 @pytest.mark.parametrize("leader", ["arm", "right_arm"])
-def test_one_arm_copies_the_other_that_is_moved_by_hand(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], leader: str
-) -> None:
+def test_mirror_copies_one_arm_to_the_other(tmp_path: Path, capsys: pytest.CaptureFixture[str], leader: str) -> None:
     follower = {"arm": "right_arm", "right_arm": "arm"}[leader]
     text = f"{{leader_arm: {leader}, on: {follower}}}"
     _, robot = written(tmp_path, MIRROR.replace("{leader_arm: arm, on: right_arm}", text))
@@ -250,9 +246,7 @@ def test_one_arm_copies_the_other_that_is_moved_by_hand(
     assert tested.code == 0, tested.out + tested.err
 
 
-def test_a_record_of_one_arm_that_copies_the_other_decides_the_same_again(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_rerun_of_a_mirror_record_is_identical(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission, robot = written(tmp_path, MIRROR.replace("40 deg", "0 deg"))
     record = str(tmp_path / "both.mcap")
     assert command(capsys, "run", mission, "--robot", robot, "--simulate", "fast", "--record", record).code == 0
@@ -279,7 +273,7 @@ def one_thread_after_another(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.usefixtures("one_thread_after_another")
-def test_a_stop_reaches_the_servos_of_both_and_nothing_moves_them_until_it_is_released(make: Make) -> None:
+def test_stop_latches_both_arms_until_released(make: Make) -> None:
     left, right = make().start(), make(name="right_arm").start()
     robot = Robot(arm_part=left.joints, extra_parts={"right_arm": ExtraPart("arm", right.joints)})
     assembled = AssembledRobot("pair", robot, {"arm": left.joints, "right_arm": right.joints})
@@ -317,14 +311,14 @@ def test_one_is_held_without_the_other() -> None:
     assert (bench.arm.commands, right.commands) == ([], [HOLD])
 
 
-def test_doctor_tries_the_joints_of_the_second_arm_on_it() -> None:
+def test_doctor_tries_the_joints_of_the_second_arm() -> None:
     tried = list(movement_trials("right_arm", pair().sections["right_arm"]))
     assert [trial.about for trial in tried] == ["shoulder", "elbow", "gripper"]
     assert tried[0].steps == ("nudge: {joint: shoulder, on: right_arm}",)
     assert "--robot ROBOT --arm right_arm" in tried[0].fix
 
 
-def test_the_servos_of_the_second_arm_are_moved_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_servo_commands_take_the_name_of_the_second_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, robot = written(tmp_path)
     wrong = command(capsys, "servo", "move", "gripper", "20 deg", "--robot", robot, "--simulate", "--arm", "rigth_arm")
     assert (wrong.code, "pair has no rigth_arm; --arm: did you mean 'right_arm'?" in wrong.err) == (2, True)
@@ -332,7 +326,7 @@ def test_the_servos_of_the_second_arm_are_moved_by_its_name(tmp_path: Path, caps
     assert (found.code, "gripper" in found.out) == (0, True), found.out + found.err
 
 
-def test_joints_of_a_ros_file_go_to_the_arm_that_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_servo_import_adds_joints_to_the_named_arm(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, robot = written(tmp_path)
     ros = tmp_path / "ros.yaml"
     ros.write_text(ROS)
@@ -350,7 +344,7 @@ def test_joints_of_a_ros_file_go_to_the_arm_that_is_named(tmp_path: Path, capsys
     assert parse_robot(SourceText("new.yaml", told.out)).extra_parts == {"left_arm": "arm"}
 
 
-def test_what_is_typed_at_a_simulation_turns_the_joints_of_either_arm() -> None:
+def test_simulation_commands_turn_the_joints_of_either_arm() -> None:
     config = pair()
     simulation = Simulation(config, frozenset({"arm", "right_arm"}), SystemClock())
     simulation.open()

@@ -66,7 +66,7 @@ def faults_of(mast: str, headed: str = HEADED) -> list[str]:
     return [fault.message for fault in caught.value.diagnostics]
 
 
-def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
+def test_section_with_a_kind_is_an_additional_part() -> None:
     robot = masted()
     assert "lidar_mast" in robot.parts
     assert robot.head is robot.sections["head"].keys
@@ -91,16 +91,16 @@ def test_a_section_that_says_its_kind_is_one_more_part_of_it() -> None:
         (MAST.replace("  kind: head\n", ""), "a robot file has no key 'lidar_mast'"),
     ],
 )
-def test_what_is_wrong_with_it_is_told(mast: str, told: str) -> None:
+def test_mistakes_in_a_second_head_are_reported(mast: str, told: str) -> None:
     assert faults_of(mast)[0] == told
 
 
-def test_its_board_must_be_there() -> None:
+def test_second_head_needs_its_board() -> None:
     (told,) = faults_of(MAST, "robot: bare\n")
     assert told.startswith("'driver: arduino_second' needs a 'head' with 'driver: arduino'")
 
 
-def test_both_heads_are_driven_over_one_board_each_under_its_name() -> None:
+def test_two_heads_share_one_board_under_their_names() -> None:
     config = masted()
     clock = ManualClock()
     head = make(config.sections["head"].keys, DriverContext(clock, "/dev/null", part="head"))
@@ -114,7 +114,7 @@ def test_both_heads_are_driven_over_one_board_each_under_its_name() -> None:
     assert mast.limits.pan == pytest.approx((-radians(60), radians(60)))
 
 
-def test_each_leaf_turns_the_head_that_it_names(tmp_path: Path) -> None:
+def test_leaf_turns_the_named_head(tmp_path: Path) -> None:
     mission, robot = written(tmp_path)
     events: list[Event] = []
     result = Runner(RunRequest(str(mission), robot=str(robot), simulate="fast"), listeners=[events.append]).run()
@@ -128,7 +128,7 @@ def test_each_leaf_turns_the_head_that_it_names(tmp_path: Path) -> None:
     assert max(looks["lidar_mast"]) == pytest.approx(radians(30), abs=0.01)
 
 
-def test_a_record_of_it_decides_the_same_again(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_rerun_of_a_second_head_record_is_identical(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     mission, robot = written(tmp_path)
     record = tmp_path / "both.mcap"
     run = command(capsys, "run", str(mission), "--robot", str(robot), "--simulate", "fast", "--record", str(record))
@@ -160,7 +160,7 @@ def test_the_checker_knows_which_head_a_leaf_drives(
 
 
 @pytest.mark.real_time
-def test_it_is_looked_with_and_trimmed_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_head_commands_take_the_name_of_the_second_head(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, robot = written(tmp_path)
     of_mast = ("--robot", str(robot), "--simulate", "--head", "lidar_mast")
     looked = command(capsys, "head", "look", *of_mast, "--pan", "100")
@@ -173,7 +173,7 @@ def test_it_is_looked_with_and_trimmed_by_its_name(tmp_path: Path, capsys: pytes
 
 
 @pytest.mark.parametrize("words", [("head", "center"), ("head", "where"), ("head", "trim", "--pan", "1")])
-def test_who_misspells_it_is_told_the_heads_that_there_are(
+def test_misspelt_head_gives_a_suggestion(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...]
 ) -> None:
     _, robot = written(tmp_path)
@@ -184,7 +184,7 @@ def test_who_misspells_it_is_told_the_heads_that_there_are(
 
 
 @pytest.mark.real_time
-def test_the_arrows_of_teleop_turn_the_head_that_is_named(tmp_path: Path) -> None:
+def test_teleop_turns_the_named_head(tmp_path: Path) -> None:
     _, robot = written(tmp_path)
     wishes = Overrides(world=load_world(find_file("worlds", "empty")))
     with (
@@ -200,12 +200,12 @@ def test_the_arrows_of_teleop_turn_the_head_that_is_named(tmp_path: Path) -> Non
         pass
 
 
-def test_doctor_says_how_it_is_trimmed() -> None:
+def test_doctor_fix_for_a_second_head_names_it() -> None:
     (trial,) = movement_trials("lidar_mast", masted().sections["lidar_mast"])
     assert "mission head trim --robot ROBOT --head lidar_mast" in trial.fix
 
 
-def test_a_stop_reaches_it_by_its_name() -> None:
+def test_safe_stop_stops_only_the_named_head() -> None:
     bench = LeafTestBench()
     mast = RecordedHead(bench.clock)
     robot = Robot(head_part=bench.head, extra_parts={"lidar_mast": ExtraPart("head", mast)})

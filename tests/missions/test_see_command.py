@@ -35,7 +35,7 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
     return lambda *arguments: command(capsys, *arguments)
 
 
-def test_a_face_comes_with_its_eyes_and_the_light(mission: Mission) -> None:
+def test_see_reports_face_eyes_and_brightness(mission: Mission) -> None:
     (seen,) = events_of(mission("see", "--json", "astronaut.png").out.splitlines())
     ((x, y, width, height),) = seen["faces"]
     ((left, right),) = seen["eyes"]
@@ -61,7 +61,7 @@ def test_things_and_markers_are_looked_for_on_request(mission: Mission) -> None:
     assert abs(marker["heading"]) < 0.3
 
 
-def test_in_a_film_they_are_followed_from_frame_to_frame(mission: Mission) -> None:
+def test_see_tracks_things_in_a_film(mission: Mission) -> None:
     room = cv2.imread("room.png")
     assert room is not None
     film = cv2.VideoWriter("film.avi", cv2.VideoWriter.fourcc(*"MJPG"), 10.0, (640, 480))
@@ -73,7 +73,7 @@ def test_in_a_film_they_are_followed_from_frame_to_frame(mission: Mission) -> No
     assert [frame["things"][0]["box"][0] for frame in seen[1:]] == pytest.approx([395, 400, 405], abs=3)
 
 
-def test_all_of_it_is_drawn(mission: Mission) -> None:
+def test_see_annotates_things_and_markers(mission: Mission) -> None:
     assert mission("see", "--annotate", "out", "--things", "red ball", "--markers", "4x4_50", "room.png").code == 0
     drawn, plain = cv2.imread("out/room.png"), cv2.imread("room.png")
     assert drawn is not None
@@ -90,7 +90,7 @@ def test_an_unknown_object_and_an_unknown_family_are_usage_errors(mission: Missi
     assert mission("see", "--markers", "qr", "room.png").code == 2
 
 
-def test_with_a_robot_its_lens_and_its_detector_count(mission: Mission) -> None:
+def test_see_uses_the_robots_lens_and_detector(mission: Mission) -> None:
     Path("wide.yaml").write_text("robot: wide\ncamera: {field_of_view: 90 deg}\n")
     narrow, wide = (
         events_of(mission("see", "--json", "--things", "small red ball", *robot, "room.png").out.splitlines())[0]
@@ -103,7 +103,7 @@ def test_with_a_robot_its_lens_and_its_detector_count(mission: Mission) -> None:
     assert "mission robot models fetch yunet" in outcome.err
 
 
-def test_whose_faces_they_are_is_said_on_request(mission: Mission) -> None:
+def test_see_names_people_on_request(mission: Mission) -> None:
     nobody = mission("see", "--people", "astronaut.png")
     assert "1 face: unknown, " in nobody.out
     assert "mission person add NAME" in nobody.err
@@ -128,7 +128,7 @@ def filmed(name: str) -> None:
     film.release()
 
 
-def test_through_a_camera_it_says_what_it_sees_and_draws_it_into_a_film(mission: Mission, tmp_path: Path) -> None:
+def test_see_annotates_a_camera_stream_into_a_film(mission: Mission, tmp_path: Path) -> None:
     filmed("street.avi")
     camera = f"file://{tmp_path}/street.avi"  # an address, as that of a camera in the network
     outcome = mission("see", camera, "--annotate", "seen.webm")
@@ -149,13 +149,13 @@ def test_a_robot_s_camera_is_looked_through_where_no_picture_is_named(mission: M
     assert "try: mission see 0" in mission("see").err
 
 
-def test_a_camera_that_is_not_there_is_told(mission: Mission) -> None:
+def test_see_reports_a_missing_camera(mission: Mission) -> None:
     outcome = mission("see", "/dev/video987", "--seconds", "0.5")
     assert outcome.code == 3
     assert "/dev/video987: no such device" in outcome.err
 
 
-def test_a_page_shows_a_camera_live_while_somebody_looks(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_see_shows_the_camera_live_on_a_page(mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     pages: list[CameraPage] = []
     begun = CameraPage.open
 
@@ -187,7 +187,7 @@ def test_a_page_shows_a_camera_live_while_somebody_looks(mission: Mission, monke
     assert len(pages) == 1
 
 
-def test_a_robot_s_camera_is_that_of_its_driver(mission: Mission) -> None:
+def test_see_uses_the_camera_driver_of_the_robot(mission: Mission) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
     Path("far.yaml").write_text(f"robot: far\nros2: {{router: 'tcp/127.0.0.1:{port}'}}\ncamera: {{driver: ros2}}\n")
@@ -214,7 +214,7 @@ def test_pictures_are_turned_and_mirrored_on_request(mission: Mission) -> None:
     assert (outcome.code, "90" in outcome.err) == (2, True)
 
 
-def test_a_robot_s_camera_in_the_network_is_turned_and_its_password_is_not_shown(mission: Mission) -> None:
+def test_network_camera_is_rotated_and_its_password_hidden(mission: Mission) -> None:
     room = cv2.imread("room.png")
     assert room is not None
     body = cv2.imencode(".jpg", cv2.rotate(room, cv2.ROTATE_180))[1].tobytes()

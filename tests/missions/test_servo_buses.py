@@ -105,9 +105,7 @@ def healthy(seed: int, run: Run, patch: pytest.MonkeyPatch) -> list[str]:
 
 
 @pytest.mark.parametrize("seed", range(FIRST, FIRST + tries(33, most=200)))
-def test_nothing_is_written_to_a_servo_that_was_not_identified(
-    seed: int, run: Run, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unidentified_servo_is_never_written(seed: int, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     assert faulty(seed, run, monkeypatch) == []
     assert driven(seed) == []
 

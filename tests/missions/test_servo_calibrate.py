@@ -48,7 +48,7 @@ def turned(servo: VirtualServo, *angles: float) -> Iterator[None]:
         yield
 
 
-def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(
+def test_calibrate_writes_measured_limits_less_a_margin(
     robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = robot.path.read_text()
@@ -67,7 +67,7 @@ def test_the_limits_are_those_that_the_hand_has_found_less_a_margin(
     assert robot.elbow.limp
 
 
-def test_where_the_arm_stands_at_first_may_become_its_zero(
+def test_calibrate_can_set_zero_at_the_first_pose(
     robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     robot.waist.turn_by_hand(radians(20))
@@ -80,14 +80,14 @@ def test_where_the_arm_stands_at_first_may_become_its_zero(
     assert limits(robot.path, "waist") == pytest.approx((-60.0, 60.0), abs=3 * TICK)
 
 
-def test_what_was_not_turned_is_not_written(robot: Three, mission: Mission) -> None:
+def test_calibrate_writes_nothing_without_motion(robot: Three, mission: Mission) -> None:
     before = robot.path.read_text()
     outcome = mission("servo calibrate --robot three.yaml wrist --seconds 0.2")
     assert (outcome.code, robot.path.read_text()) == (1, before)
     assert "no joint was turned: nothing is written" in outcome.err
 
 
-def test_a_robot_that_ships_is_never_written(mission: Mission) -> None:
+def test_calibrate_never_writes_a_shipped_robot_file(mission: Mission) -> None:
     outcome = mission("servo calibrate --robot turtlebot2_arm --simulate --seconds 0.2")
     assert outcome.code == 2
     assert "mission servo calibrate --robot my_turtlebot2_arm.yaml" in outcome.err
@@ -103,7 +103,7 @@ def test_the_enter_key_needs_a_terminal(mission: Mission) -> None:
 # The file
 
 
-def test_joints_in_steps_stay_in_steps_and_earlier_files_are_all_kept(robot: Three) -> None:
+def test_ranges_in_ticks_stay_in_ticks_with_numbered_backups(robot: Three) -> None:
     first = robot.path.read_text()
     assert write_ranges(robot.path, {"wrist": ServoRange(1100, 3000, 2000)}).name == "three.yaml.bak"
     assert "ticks: {init: 2000, min: 1100, max: 3000}" in robot.path.read_text()
@@ -113,7 +113,7 @@ def test_joints_in_steps_stay_in_steps_and_earlier_files_are_all_kept(robot: Thr
     assert [Path(f"three.yaml.{end}").read_text() for end in ("bak", "bak2")] == [first, second]
 
 
-def test_a_file_that_says_it_another_way_is_left_alone(robot: Three) -> None:
+def test_robot_file_with_yaml_anchors_is_not_edited(robot: Three) -> None:
     text = robot.path.read_text().replace("limits: [-90 deg, 90 deg]", "limits: &both [-90 deg, 90 deg]")
     robot.path.write_text(text.replace("limits: [-60 deg, 60 deg]", "limits: *both"))
     before = robot.path.read_text()
@@ -151,14 +151,14 @@ def test_a_ros_file_becomes_a_robot_file_on_stdout(tmp_path: Path, mission: Miss
 
 
 @pytest.mark.parametrize("model", ["AX-12", "AX-12+"])
-def test_a_model_may_be_called_what_robot_files_call_it(tmp_path: Path, mission: Mission, model: str) -> None:
+def test_servo_import_accepts_model_aliases(tmp_path: Path, mission: Mission, model: str) -> None:
     (tmp_path / "arm.yaml").write_text(ROS)
     outcome = mission(f"servo import {tmp_path}/arm.yaml --model {model}")
     assert outcome.code == 0, outcome.err
     assert "model: AX-12A" in outcome.out
 
 
-def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission: Mission) -> None:
+def test_servo_import_adds_joints_without_other_changes(robot: Three, mission: Mission) -> None:
     Path("arm.yaml").write_text(ROS)
     before = robot.path.read_text().splitlines()
     assert mission("servo import arm.yaml --into three.yaml").code == 0
@@ -181,7 +181,7 @@ def test_its_joints_are_added_to_an_arm_and_all_else_stays(robot: Three, mission
         ("three.yaml", "three.yaml is a robot: "),
     ],
 )
-def test_what_cannot_be_imported_is_said_in_words(robot: Three, mission: Mission, arguments: str, words: str) -> None:
+def test_servo_import_refuses_wrong_arguments(robot: Three, mission: Mission, arguments: str, words: str) -> None:
     Path("arm.yaml").write_text(ROS)
     before = robot.path.read_text()
     outcome = mission(f"servo import {arguments}")

@@ -15,7 +15,7 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 
 
 @pytest.mark.parametrize("protocol", ["", "--protocol sts"])
-def test_a_scan_finds_them_by_their_own_protocol(mission: Mission, protocol: str) -> None:
+def test_scan_finds_feetech_servos(mission: Mission, protocol: str) -> None:
     outcome = mission(f"servo scan --robot so101 --simulate --ids 1-7 {protocol}")
     assert outcome.code == 0, outcome.err
     rows = [line.split() for line in outcome.out.splitlines()]
@@ -23,13 +23,13 @@ def test_a_scan_finds_them_by_their_own_protocol(mission: Mission, protocol: str
     assert rows[3][-2:] == ["elbow_flex", "none"]
 
 
-def test_a_scan_for_dynamixels_alone_finds_none_of_them(mission: Mission) -> None:
+def test_scan_for_dynamixel_finds_no_feetech_servos(mission: Mission) -> None:
     outcome = mission("servo scan --robot so101 --simulate --ids 1-2 --protocol 1")
     assert outcome.code == 1
     assert "no servo replies" in outcome.err
 
 
-def test_what_a_servo_holds_is_shown_in_the_units_of_people(mission: Mission) -> None:
+def test_servo_info_shows_registers_with_units(mission: Mission) -> None:
     outcome = mission("servo info elbow_flex --robot so101 --simulate")
     assert "servo 3: STS3215, the STS protocol" in outcome.out
     meant = {line.split()[1]: line.split()[2:] for line in outcome.out.splitlines()[3:]}
@@ -40,7 +40,7 @@ def test_what_a_servo_holds_is_shown_in_the_units_of_people(mission: Mission) ->
     assert meant["present_voltage"][:3] == ["74", "7.4", "V"]
 
 
-def test_what_could_make_one_leap_or_deaf_is_refused_and_a_rate_that_it_has_is_set(mission: Mission) -> None:
+def test_dangerous_feetech_settings_are_refused(mission: Mission) -> None:
     for told, words in (
         ("torque_enable 128", "torque_enable takes 0..1, not 128"),
         ("goal_speed 0", "goal_speed 0 means full speed"),
@@ -56,7 +56,7 @@ def test_what_could_make_one_leap_or_deaf_is_refused_and_a_rate_that_it_has_is_s
     )
 
 
-def test_a_koch_moves_its_two_kinds_of_servos(mission: Mission) -> None:
+def test_koch_arm_moves_two_kinds_of_servos(mission: Mission) -> None:
     outcome = mission("servo move gripper 20 deg --robot koch --simulate")
     assert outcome.code == 0, outcome.err
     assert "gripper is at +" in outcome.out

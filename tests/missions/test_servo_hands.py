@@ -39,7 +39,7 @@ def test_a_limp_joint_is_turned_by_hand_and_a_stiff_one_resists(simulation: Simu
         hands.run_command("turn elbow 0 deg")
 
 
-def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) -> None:
+def test_simulation_commands_set_heat_load_and_power_of_servos(simulation: Simulation) -> None:
     hands, servos = DeviceCommands(simulation, ROBOT), simulation.device(VirtualServoBus)
     assert servos is not None
     for line in ("heat gripper 70 degC", "burden gripper 40 %", "remove elbow", "brown_out waist_turn 500 ms"):
@@ -52,7 +52,7 @@ def test_heat_load_and_power_are_what_the_servo_feels(simulation: Simulation) ->
     assert (servos.servo(10).get("led"), servos.servo(6).present) == (0, True)
 
 
-def test_a_joint_keeps_its_name_when_its_servo_gets_another_id(simulation: Simulation) -> None:
+def test_simulated_joint_keeps_its_name_after_an_id_change(simulation: Simulation) -> None:
     servos = simulation.device(VirtualServoBus)
     assert servos is not None
     elbow = servos.servo(6)
@@ -83,7 +83,7 @@ def test_plugs_are_pulled_and_put_in_again(simulation: Simulation) -> None:
         ("unplug leg", "no part 'leg'"),
     ],
 )
-def test_words_that_make_no_sense_are_answered_in_words(simulation: Simulation, line: str, words: str) -> None:
+def test_invalid_simulation_commands_are_refused(simulation: Simulation, line: str, words: str) -> None:
     with pytest.raises(ValueError, match=words.replace("'", ".")):
         DeviceCommands(simulation, ROBOT).run_command(line)
 
@@ -92,7 +92,7 @@ def test_help_names_every_command(simulation: Simulation) -> None:
     assert all(word in DeviceCommands(simulation, ROBOT).run_command("help") for word in COMMAND_HELP)
 
 
-def test_lines_come_whole_however_they_are_cut_and_end_with_their_pipe() -> None:
+def test_line_reader_joins_split_lines_and_ends_with_the_pipe() -> None:
     with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.PIPE) as cat:
         assert cat.stdin is not None
         assert cat.stdout is not None
@@ -110,7 +110,7 @@ def test_lines_come_whole_however_they_are_cut_and_end_with_their_pipe() -> None
     assert list(lines.wait(0.0)) == []
 
 
-def test_the_command_answers_each_line_and_goes_on_without_its_stdin(tmp_path: Path) -> None:
+def test_simulate_answers_each_line_and_continues_without_stdin(tmp_path: Path) -> None:
     process = subprocess.Popen(
         [sys.executable, "-m", "missions", "simulate", "--robot", "turtlebot2_arm", "--paced"],
         stdin=subprocess.PIPE,

@@ -149,7 +149,7 @@ def test_a_stiff_joint_gets_less_force_after_enter(robot: Three, run: Run, perso
 
 
 @pytest.mark.parametrize("wish", WEAKER)
-def test_without_a_terminal_a_stiff_joint_keeps_its_force_but_for_yes(robot: Three, run: Run, wish: str) -> None:
+def test_weakening_a_stiff_joint_without_a_terminal_needs_yes(robot: Three, run: Run, wish: str) -> None:
     line, servo = weakened(robot, wish)
     name, value = wish.split()
     before = servo.get(name)
@@ -159,7 +159,7 @@ def test_without_a_terminal_a_stiff_joint_keeps_its_force_but_for_yes(robot: Thr
     assert servo.get(name) == int(value)
 
 
-def test_nobody_is_asked_about_a_joint_that_is_limp_or_gets_more_force(robot: Three, run: Run) -> None:
+def test_limp_or_strengthened_joint_needs_no_consent(robot: Three, run: Run) -> None:
     robot.elbow.set("torque_limit", 100)
     assert run("servo set elbow torque_limit 1023 --robot three.yaml").code == 0
     assert run("servo set waist torque_limit 100 --robot three.yaml").code == 0
@@ -220,9 +220,7 @@ HOWS = [
 
 
 @pytest.mark.parametrize("how", HOWS)
-def test_home_looks_whether_its_file_can_be_written_before_anything_goes_limp(
-    arm: VirtualServo, run: Run, how: str
-) -> None:
+def test_home_checks_its_file_before_joints_go_limp(arm: VirtualServo, run: Run, how: str) -> None:
     before = bytes(arm.table[:40])
     outcome = run(f"servo home --robot two.yaml --into {blocked(Path('found.json'), how)} --seconds 0.2 --yes")
     assert outcome.code == 2, outcome.err
@@ -246,9 +244,7 @@ def test_a_full_disk_is_noticed_before_anything_goes_limp(
 
 
 @pytest.mark.parametrize("how", HOWS)
-def test_a_play_looks_whether_its_table_can_be_written_before_anything_moves(
-    arm: VirtualServo, run: Run, how: str
-) -> None:
+def test_play_checks_its_csv_file_before_motion(arm: VirtualServo, run: Run, how: str) -> None:
     Path("nod.yaml").write_text("gesture: nod\nkeyframes:\n  - {at: 0 s, elbow: 5 deg}\n  - {at: 1 s, elbow: 9 deg}\n")
     before = arm.get("goal_position")
     outcome = run(f"servo play nod.yaml --robot two.yaml --csv {blocked(Path('found.csv'), how)}")
@@ -257,9 +253,7 @@ def test_a_play_looks_whether_its_table_can_be_written_before_anything_moves(
 
 
 @pytest.mark.parametrize("how", HOWS)
-def test_record_looks_whether_its_file_can_be_written_before_anything_goes_limp(
-    arm: VirtualServo, run: Run, how: str
-) -> None:
+def test_record_checks_its_file_before_joints_go_limp(arm: VirtualServo, run: Run, how: str) -> None:
     name = blocked(Path("found.json"), how)
     outcome = run(f"servo record shown --robot two.yaml -o {name} --force --seconds 0.2 --yes")
     assert outcome.code == 2, outcome.err
@@ -273,7 +267,7 @@ def turned(servo: VirtualServo) -> Iterator[None]:
         yield
 
 
-def test_what_was_recorded_is_saved_elsewhere_if_its_folder_goes(
+def test_unwritable_recording_is_saved_elsewhere(
     arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch, clock: PatientClock
 ) -> None:
     by_hand(monkeypatch, clock, turned(arm))
@@ -291,7 +285,7 @@ def _fail(*_: object) -> None:
     raise OSError(28, "No space left on device")
 
 
-def test_home_changes_no_servo_whose_calibration_cannot_be_kept(
+def test_home_changes_no_servo_with_an_unwritable_calibration(
     arm: VirtualServo, run: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(Path("state").absolute()))
@@ -348,7 +342,7 @@ def test_a_calibration_is_on_the_disk_before_any_servo_is_changed(
         assert disk.read(Path("found.json.bak")) == Path("found.json.bak").read_bytes()
 
 
-def test_robot_files_are_on_the_disk_once_they_were_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robot_files_are_synced_to_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     disk, path = Disk(monkeypatch), tmp_path / "mine.yaml"
     write_new(path, "robot: mine\n")
     assert disk.read(path) == b"robot: mine\n"
@@ -433,7 +427,7 @@ BREAKS = [
 
 
 @pytest.mark.parametrize("how", BREAKS)
-def test_a_restore_with_an_origin_that_cannot_be_read_is_refused(arm: VirtualServo, run: Run, how: str) -> None:
+def test_restore_with_an_unreadable_origin_is_refused(arm: VirtualServo, run: Run, how: str) -> None:
     Path("found.json").write_text(CALIBRATION)
     break_origin(how)
     outcome = run(RESTORE)
@@ -449,9 +443,7 @@ def test_a_restore_with_an_origin_that_cannot_be_read_is_refused(arm: VirtualSer
 
 
 @pytest.mark.parametrize("how", [each for each in BREAKS if each not in ("folder", "pipe", "link into nowhere")])
-def test_home_keeps_an_origin_that_cannot_be_read_and_lets_nothing_go_limp(
-    arm: VirtualServo, run: Run, how: str
-) -> None:
+def test_home_with_an_unreadable_origin_is_refused(arm: VirtualServo, run: Run, how: str) -> None:
     Path("found.json").write_text(CALIBRATION)
     break_origin(how)
     before = Path("found.servos.json").read_bytes()

@@ -83,7 +83,7 @@ def turned(servos: VirtualServoBus, *angles: float) -> Iterator[None]:
 
 
 @pytest.mark.real_time
-def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_be_restored(
+def test_home_writes_servos_and_a_restorable_file(
     servos: VirtualServoBus, clock: PatientClock, mission: Mission, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     elbow, jaw = servos.servos
@@ -123,7 +123,7 @@ def test_middles_ranges_and_offsets_go_into_the_servos_and_into_a_file_that_can_
     assert "calibrate with the program that wrote it" in mission("servo calibrate --robot two.yaml --seconds 1").err
 
 
-def test_what_was_hardly_turned_is_not_written(servos: VirtualServoBus, mission: Mission) -> None:
+def test_home_writes_nothing_after_too_little_motion(servos: VirtualServoBus, mission: Mission) -> None:
     outcome = mission("servo home --robot two.yaml --into two.json --seconds 0.3 --yes")
     assert outcome.code == 1
     assert "hardly moved" in outcome.out
@@ -141,7 +141,7 @@ def test_what_was_hardly_turned_is_not_written(servos: VirtualServoBus, mission:
         ("servo home --robot turtlebot2_arm --into two.json --yes", "no Feetech servos"),
     ],
 )
-def test_what_is_missing_is_said_before_anything_goes_limp(mission: Mission, line: str, words: str) -> None:
+def test_home_reports_missing_arguments_before_joints_go_limp(mission: Mission, line: str, words: str) -> None:
     outcome = mission(line)
     assert outcome.code == 2
     assert words in outcome.err
@@ -149,7 +149,7 @@ def test_what_is_missing_is_said_before_anything_goes_limp(mission: Mission, lin
 
 @each("before", [0, 700, -2000])
 @each("angle", [0.0, 2.9, -3.1])
-def test_with_its_offset_a_servo_shows_the_half_turn_where_it_stands(angle: float, before: int) -> None:
+def test_homing_offset_makes_the_present_position_half_a_turn(angle: float, before: int) -> None:
     servo = VirtualServo(1, model="STS3215", angle=angle)
     servo.set("position_offset", before)
     bus, place = Wired(VirtualServoBus([servo])).bus(), STS.table["present_position"]
@@ -157,7 +157,7 @@ def test_with_its_offset_a_servo_shows_the_half_turn_where_it_stands(angle: floa
     assert abs(bus.read(ServoAddress(1, "STS"), place) - HALF_TURN) <= 1
 
 
-def test_a_range_over_the_seam_is_told_and_one_up_to_it_is_not() -> None:
+def test_range_up_to_the_encoder_seam_is_accepted() -> None:
     servo = VirtualServo(1, model="STS3215", angle=radians(170))
     bus: ServoBus = Wired(VirtualServoBus([servo])).bus()
     joint = Joint("roll", JointSpec(1, "STS3215"), STS)
@@ -170,7 +170,7 @@ def test_a_range_over_the_seam_is_told_and_one_up_to_it_is_not() -> None:
     assert (homed.highest - homed.lowest) * STS.tick == pytest.approx(radians(354), abs=0.01)
 
 
-def test_a_range_over_the_seam_is_refused_and_a_whole_turn_is_that_of_a_joint_without_stops() -> None:
+def test_range_over_the_encoder_seam_is_refused_unless_a_whole_turn() -> None:
     servo = VirtualServo(1, model="STS3215", angle=radians(170))
     bus: ServoBus = Wired(VirtualServoBus([servo])).bus()
     joint = Joint("roll", JointSpec(1, "STS3215"), STS)
@@ -232,7 +232,7 @@ def as_lerobot_sets(servo: VirtualServo) -> None:
     servo.turn_by_hand((1948 - 1000 - 2048) * STS.tick)  # it shows 1948
 
 
-def test_its_file_is_named_where_the_limits_are_narrower(
+def test_missing_calibration_file_is_suggested_for_narrow_limits(
     servos: VirtualServoBus, mission: Mission, lerobot: Path
 ) -> None:
     for servo in servos.servos:
@@ -248,7 +248,7 @@ def test_its_file_is_named_where_the_limits_are_narrower(
     assert mission("servo move elbow 10 deg --robot two.yaml").code == 0
 
 
-def test_an_older_file_in_the_robot_file_gives_way_to_the_one_that_fits(
+def test_matching_calibration_file_is_suggested_instead_of_an_old_one(
     servos: VirtualServoBus, mission: Mission, lerobot: Path
 ) -> None:
     old = json.loads(lerobot.read_text())

@@ -55,7 +55,7 @@ def arms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[tuple[Virt
 
 
 @pytest.mark.real_time
-def test_the_follower_goes_where_the_leader_is_moved_and_stays_there(
+def test_servo_mirror_follows_the_leader_and_holds(
     arms: tuple[VirtualServoBus, VirtualServoBus], mission: Mission
 ) -> None:
     leader, follower = arms
@@ -78,7 +78,7 @@ def test_the_follower_goes_where_the_leader_is_moved_and_stays_there(
     assert [servo.limp for servo in follower.servos] == [False, False]
 
 
-def test_joints_of_one_name_are_coupled_and_a_gripper_by_its_range() -> None:
+def test_joints_are_coupled_by_name_and_grippers_by_range() -> None:
     one = {"elbow": JointLimits(-1.0, 1.0, 1.0), "gripper": JointLimits(0.0, 1.0, 1.0)}
     other = {"gripper": JointLimits(-0.5, 1.5, 1.0), "elbow": JointLimits(-1.0, 1.0, 1.0)}
     assert couple_joints(one, other, ["gripper"]) == [
@@ -92,9 +92,7 @@ def test_joints_of_one_name_are_coupled_and_a_gripper_by_its_range() -> None:
         couple_joints({**one, "gripper": JointLimits(0.5, 0.5, 1.0)}, other, ["gripper"])
 
 
-def test_a_leader_with_other_joints_is_told_before_anything_is_opened(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_leader_with_other_joints_is_refused_before_opening(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "other.yaml"
     file.write_text("robot: other\narm: {driver: dynamixel, port: /dev/null, joints: {neck: {id: 1}}}\n")
     told = command(capsys, "servo", "mirror", str(file), "--robot", "so101", "--seconds", "1")

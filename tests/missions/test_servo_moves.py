@@ -54,7 +54,7 @@ def mission(capsys: pytest.CaptureFixture[str]) -> Mission:
 # Play
 
 
-def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, mission: Mission) -> None:
+def test_servo_play_reports_tracking_errors(robot: Three, mission: Mission) -> None:
     outcome = mission("servo play nod.yaml --robot three.yaml --csv nod.csv --plot nod.svg")
     assert outcome.code == 0, outcome.err + outcome.out
     table = [line.split() for line in outcome.out.splitlines()]
@@ -69,7 +69,7 @@ def test_a_gesture_is_played_and_how_well_it_was_followed_is_told(robot: Three, 
     wait_until(lambda: robot.elbow.limp)  # at_end: relax
 
 
-def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, mission: Mission) -> None:
+def test_dry_run_of_play_opens_no_port(robot: Three, mission: Mission) -> None:
     robot.path.write_text(robot.path.read_text().replace(robot.terminal.path, "/dev/nothing_here"))
     outcome = mission("servo play nod.yaml --robot three.yaml --dry-run --speed 0.5 --plot nod.png")
     assert outcome.code == 0, outcome.err
@@ -83,7 +83,7 @@ def test_a_dry_run_says_what_would_be_sent_and_opens_nothing(robot: Three, missi
     assert Path("nod.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_spreadsheet_is_played_as_it_is(robot: Three, mission: Mission) -> None:
+def test_servo_play_accepts_a_spreadsheet(robot: Three, mission: Mission) -> None:
     rows = "".join(f"{index / 25:.2f},{0.2 * min(index, 50 - index) / 25:.4f}\n" for index in range(51))
     Path("sheet.csv").write_text("time,waist\n" + rows)
     outcome = mission("servo play sheet.csv --robot three.yaml --speed 2")
@@ -102,13 +102,13 @@ def test_a_spreadsheet_is_played_as_it_is(robot: Three, mission: Mission) -> Non
     ],
 )
 @pytest.mark.usefixtures("robot")
-def test_what_cannot_be_played_is_said_before_anything_moves(line: str, words: str, mission: Mission) -> None:
+def test_servo_play_refuses_unsuitable_moves_before_motion(line: str, words: str, mission: Mission) -> None:
     Path("far.yaml").write_text(NOD.replace("5 deg", "95 deg", 1))
     outcome = mission(f"servo play {line} --robot three.yaml")
     assert (outcome.code, words in outcome.err) == (2, True), outcome.err
 
 
-def test_a_joint_that_does_not_follow_fails_the_play_and_its_error_is_told(robot: Three, mission: Mission) -> None:
+def test_servo_play_fails_if_a_joint_does_not_follow(robot: Three, mission: Mission) -> None:
     Path("up.yaml").write_text(NOD.replace("elbow: 0 deg", "elbow: 20 deg"))
     robot.elbow.load = 2.0
     outcome = mission("servo play up.yaml --robot three.yaml")
@@ -153,9 +153,7 @@ def pulling(robot: Three) -> Iterator[None]:
     robot.terminal.unplug()
 
 
-def test_what_a_hand_shows_is_written_and_can_be_played(
-    robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_recorded_gesture_can_be_played(robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     robot.elbow.set("torque_enable", 1)
     by_hand(monkeypatch, robot.clock, moving(robot))
     outcome = mission("servo record lift --robot three.yaml --joint elbow --seconds 4 --yes")
@@ -171,7 +169,7 @@ def test_what_a_hand_shows_is_written_and_can_be_played(
 
 
 @pytest.mark.usefixtures("robot")
-def test_a_recording_takes_no_name_that_ships(mission: Mission) -> None:
+def test_servo_record_refuses_a_shipped_name(mission: Mission) -> None:
     outcome = mission("servo record hello --robot three.yaml --seconds 1")
     assert (outcome.code, "choose another name" in outcome.err) == (2, True)
 
@@ -185,9 +183,7 @@ def test_where_nothing_moved_nothing_is_written(robot: Three, mission: Mission) 
 
 
 @pytest.mark.real_time
-def test_an_arm_that_is_unplugged_ends_the_recording_with_a_word(
-    robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unplugged_arm_ends_the_recording(robot: Three, mission: Mission, monkeypatch: pytest.MonkeyPatch) -> None:
     by_hand(monkeypatch, robot.clock, pulling(robot))
     outcome = mission("servo record lost --robot three.yaml --seconds 30")
     assert outcome.code == 3

@@ -51,7 +51,7 @@ def waving(time: float) -> Mapping[str, float]:
     return {"elbow": 0.4 * (1 - cos(pi * time)), "wrist": 0.6 * (1 - cos(pi * time / 4))}
 
 
-def test_what_is_played_is_what_was_recorded_within_two_steps_of_the_servo(tmp_path: Path) -> None:
+def test_playback_matches_the_recording_within_servo_resolution(tmp_path: Path) -> None:
     gesture = recorded(waving, 4.0, still=1.0).gesture("wave", "Wave.")
     path = tmp_path / "wave.yaml"
     path.write_text(gesture_text(gesture))
@@ -85,7 +85,7 @@ def test_to_and_fro_between_two_steps_is_no_movement(movement: Callable[[float],
         recorded(movement, 2.0).gesture("still")
 
 
-def test_a_joint_that_falls_silent_ends_the_recording_with_its_name() -> None:
+def test_silent_joint_ends_the_recording() -> None:
     recording = JointRecording({"elbow": STEP, "wrist": STEP})
     recording.add(seen({"elbow": 0.0, "wrist": 0.0}, 1.0), 1.0)
     recording.add(seen({"elbow": 0.1, "wrist": 0.1}, 1.1), 1.1)
@@ -96,14 +96,14 @@ def test_a_joint_that_falls_silent_ends_the_recording_with_its_name() -> None:
     assert len(recording.snapshots) == 2
 
 
-def test_joints_that_never_speak_are_not_waited_for_for_ever() -> None:
+def test_joint_that_never_reports_ends_the_recording() -> None:
     recording = JointRecording({"elbow": STEP})
     recording.add(seen({"elbow": 0.0}, 0.0, Quality.STALE), 5.0)
     with pytest.raises(NoReply, match="elbow"):
         recording.add(seen({"elbow": 0.0}, 0.0, Quality.STALE), 5.3)
 
 
-def test_a_reading_that_is_asked_for_twice_is_recorded_once() -> None:
+def test_repeated_reading_is_recorded_once() -> None:
     recording = JointRecording({"elbow": STEP})
     for _ in range(3):
         recording.add(seen({"elbow": 0.0}, 1.0), 1.0)

@@ -55,7 +55,7 @@ def test_the_table_of_poses_has_degrees_in_columns() -> None:
     assert pose_table(playing) == "   s  elbow\n0.00   10.0\n1.50   -5.0"
 
 
-def test_a_long_table_is_thinned_and_keeps_its_end() -> None:
+def test_long_pose_table_is_thinned_and_keeps_its_end() -> None:
     frames = [(0.1 * (number + 1), {"elbow": 0.001 * number}) for number in range(500)]
     lines = pose_table(plan_playback(gesture(*frames), LIMITS, 1.0)).splitlines()
     assert len(lines) <= MAX_POSE_ROWS + 2
@@ -63,7 +63,7 @@ def test_a_long_table_is_thinned_and_keeps_its_end() -> None:
     assert lines[-1].split()[0] == "49.90"
 
 
-def test_how_well_it_was_followed_is_told_by_joint() -> None:
+def test_error_table_lists_errors_by_joint() -> None:
     tracking = TrackingErrors()
     tracking.add([JointSample(0.5, "elbow", 0.0, radians(3)), JointSample(0.5, "wrist", 0.0, 0.0)])
     tracking.add([JointSample(1.0, "elbow", radians(10), radians(6)), JointSample(1.0, "wrist", 0.0, 0.0)])
@@ -87,7 +87,7 @@ def test_a_picture_has_a_panel_for_each_joint(tmp_path: Path) -> None:
     assert len(axes) == 4  # three joints in two columns: the fourth panel is empty
 
 
-def test_a_png_shows_the_goal_in_its_colour(tmp_path: Path) -> None:
+def test_png_plot_shows_the_goal_in_its_colour(tmp_path: Path) -> None:
     path = tmp_path / "move.png"
     draw_move(path, "wave", GOALS, {})
     picture = cv2.imread(str(path))
@@ -95,6 +95,6 @@ def test_a_png_shows_the_goal_in_its_colour(tmp_path: Path) -> None:
     assert (np.abs(picture.astype(int) - (0xB5, 0x78, 0x2A)).max(axis=2) < 20).sum() > 100
 
 
-def test_another_kind_of_picture_is_refused_in_words(tmp_path: Path) -> None:
+def test_unsupported_picture_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"a picture ends in \.png or \.svg"):
         draw_move(tmp_path / "move.gif", "wave", GOALS, {})

@@ -42,9 +42,7 @@ def servo(robot: Three, capsys: pytest.CaptureFixture[str]) -> Servo:
 
 
 @pytest.mark.parametrize("framing", [(), ("--framing", "sdk")], ids=["ours", "the vendor's"])
-def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(
-    servo: Servo, robot: Three, framing: tuple[str, ...]
-) -> None:
+def test_scan_shows_every_servo_with_model_and_state(servo: Servo, robot: Three, framing: tuple[str, ...]) -> None:
     robot.elbow.temperature, robot.wrist.voltage = 52.0, 11.1
     outcome = servo("scan", *IDS, "--baud", "1000000", *framing)
     assert outcome.code == 0, outcome.err
@@ -56,7 +54,7 @@ def test_a_scan_shows_every_servo_with_its_model_and_how_it_is(
     assert rows[3][7] == "11.1"
 
 
-def test_a_scan_tells_in_what_the_servos_are_not_those_of_the_file(servo: Servo, robot: Three) -> None:
+def test_scan_reports_differences_from_the_robot_file(servo: Servo, robot: Three) -> None:
     robot.waist.present = False
     robot.elbow.set("baud", baud_code(57_600, 1))
     text = robot.path.read_text().replace("XL430-W250", "XM430-W350")
@@ -112,7 +110,7 @@ def test_the_monitor_shows_joints_in_their_own_angles_and_changes_nothing(servo:
             assert not register.writable or register.decode(was) == each.get(name), name
 
 
-def test_the_monitor_says_which_joint_is_silent_or_has_shut_down(servo: Servo, robot: Three) -> None:
+def test_servo_info_reports_silent_and_shut_down_joints(servo: Servo, robot: Three) -> None:
     robot.elbow.present = False
     robot.waist.set("torque_enable", 1)
     robot.waist.overload()
@@ -154,7 +152,7 @@ def test_ram_is_written_without_a_question_and_below_zero_too(servo: Servo, robo
     assert robot.wrist.get("goal_velocity") == -7
 
 
-def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(servo: Servo, robot: Three) -> None:
+def test_eeprom_write_turns_torque_off_and_reports_it(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     outcome = servo("set", "wrist", "temperature_limit", "70", "--yes")
     assert "servo 3: torque was on, and is off now" in outcome.err
@@ -175,7 +173,7 @@ def test_a_stiff_servo_is_limp_after_its_eeprom_was_written_and_that_is_said(ser
         (("elbwo", "led", "1"), 2, "did you mean 'elbow'?"),
     ],
 )
-def test_what_cannot_be_set_is_said_with_what_may_be_meant(
+def test_invalid_servo_setting_gives_a_suggestion(
     servo: Servo, arguments: tuple[str, ...], code: int, words: str
 ) -> None:
     outcome = servo("set", *arguments, "--yes")
@@ -183,7 +181,7 @@ def test_what_cannot_be_set_is_said_with_what_may_be_meant(
     assert words in outcome.err
 
 
-def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three) -> None:
+def test_servo_id_is_changed_unless_taken(servo: Servo, robot: Three) -> None:
     outcome = servo("set", "2", "id", "1", "--yes")
     assert (outcome.code, robot.elbow.get("id")) == (3, 2)
     assert "that ID is already taken" in outcome.err
@@ -191,7 +189,7 @@ def test_a_servo_gets_another_id_unless_that_is_taken(servo: Servo, robot: Three
     assert robot.elbow.get("id") == 7
 
 
-def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three) -> None:
+def test_baud_rate_of_all_servos_is_changed(servo: Servo, robot: Three) -> None:
     outcome = servo("set", "all", "baud", "57600", "--yes")
     assert outcome.code == 0, outcome.err
     assert "set baud: 57600 in the robot file" in outcome.err
@@ -203,7 +201,7 @@ def test_servos_get_another_rate_and_are_found_at_it(servo: Servo, robot: Three)
 # Moving
 
 
-def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: Servo, robot: Three) -> None:
+def test_torque_on_holds_the_present_angles_and_persists(servo: Servo, robot: Three) -> None:
     robot.elbow.turn_by_hand(radians(30))
     assert servo("torque", "on", "ax").code == 0
     assert [each.limp for each in robot.bus.servos] == [False, False, True]
@@ -216,7 +214,7 @@ def test_torque_goes_on_where_the_joints_stand_and_stays_as_it_was_left(servo: S
     assert all(each.limp for each in robot.bus.servos)
 
 
-def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Three) -> None:
+def test_torque_reports_unconfirmed_joints(servo: Servo, robot: Three) -> None:
     robot.elbow.present = False
     outcome = servo("torque", "off", "--yes")
     assert outcome.code == 1
@@ -224,7 +222,7 @@ def test_torque_tells_of_each_joint_that_did_not_confirm(servo: Servo, robot: Th
     assert "wrist (servo 3): torque off" in outcome.out
 
 
-def test_a_joint_moves_in_its_own_angle_and_the_arm_rests_after_it(servo: Servo, robot: Three) -> None:
+def test_servo_move_uses_joint_angles_and_relaxes_at_the_end(servo: Servo, robot: Three) -> None:
     outcome = servo("move", "elbow", "-30", "deg")
     assert outcome.code == 0, outcome.err
     assert "\nelbow is at -" in outcome.out
@@ -232,12 +230,12 @@ def test_a_joint_moves_in_its_own_angle_and_the_arm_rests_after_it(servo: Servo,
     assert all(each.limp for each in robot.bus.servos)  # at_end: relax
 
 
-def test_a_move_beyond_the_limits_is_clamped_and_that_is_said(servo: Servo) -> None:
+def test_servo_move_reports_a_clamped_goal(servo: Servo) -> None:
     outcome = servo("move", "elbow", "100 deg")
     assert (outcome.code, "its limit for +100.0 deg" in outcome.out) == (0, True)
 
 
-def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot: Three) -> None:
+def test_servo_move_fails_with_the_angle_of_a_stuck_joint(servo: Servo, robot: Three) -> None:
     robot.elbow.load = 2.0
     outcome = servo("move", "elbow", "40 deg")
     assert outcome.code == 1
@@ -259,12 +257,12 @@ def test_a_joint_that_does_not_arrive_fails_with_where_it_is(servo: Servo, robot
         (("torque", "restart", "elbow"), 3, "protocol 1.0 has no restart"),
     ],
 )
-def test_what_makes_no_sense_is_said_in_words(servo: Servo, arguments: tuple[str, ...], code: int, words: str) -> None:
+def test_invalid_servo_commands_are_refused(servo: Servo, arguments: tuple[str, ...], code: int, words: str) -> None:
     outcome = servo(*arguments)
     assert (outcome.code, words in outcome.err) == (code, True), outcome.err
 
 
-def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: Three) -> None:
+def test_overloaded_servo_is_recovered_at_its_present_angle(servo: Servo, robot: Three) -> None:
     robot.path.write_text(robot.path.read_text().replace("at_end: relax", "at_end: hold"))
     assert servo("torque", "on").code == 0
     robot.elbow.overload()
@@ -279,7 +277,7 @@ def test_an_overloaded_servo_is_recovered_where_it_stands(servo: Servo, robot: T
     assert servo("torque", "recover").out == "no servo has shut down\n"
 
 
-def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_said(servo: Servo, robot: Three) -> None:
+def test_recovered_arm_relaxes_again_as_configured(servo: Servo, robot: Three) -> None:
     robot.wrist.set("torque_enable", 1)
     robot.wrist.overload()
     wait_until(lambda: robot.wrist.get("hardware_error") != 0)
@@ -289,7 +287,7 @@ def test_a_recovered_arm_is_limp_again_where_its_file_asks_for_that_and_it_is_sa
     assert robot.wrist.limp
 
 
-def test_a_servo_that_does_not_come_back_from_a_recovery_is_said_to_be_limp(
+def test_servo_that_fails_to_recover_is_reported_limp(
     servo: Servo, robot: Three, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
@@ -318,7 +316,7 @@ def test_torque_does_not_go_on_where_a_servo_has_shut_down(servo: Servo, robot: 
     assert robot.elbow.get("torque_limit") == 0
 
 
-def test_torque_goes_on_with_the_force_and_speed_of_the_file(servo: Servo, robot: Three) -> None:
+def test_torque_on_sets_torque_and_speed_of_the_robot_file(servo: Servo, robot: Three) -> None:
     text = robot.path.read_text().replace("zero: 10 deg,", "zero: 10 deg, torque: 50 %,")
     robot.path.write_text(text)
     assert servo("torque", "on", "elbow").code == 0
@@ -326,9 +324,7 @@ def test_torque_goes_on_with_the_force_and_speed_of_the_file(servo: Servo, robot
     assert robot.elbow.get("moving_speed") == pytest.approx(120 / 360 * 60 / 0.111, abs=2)
 
 
-def test_a_servo_whose_torque_does_not_stay_on_is_not_called_stiff(
-    servo: Servo, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_torque_that_does_not_stay_on_is_reported(servo: Servo, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "missions.plugins.setup.servo.joint_commands.restore_settings", lambda *_, **__: None
     )  # as if it took the order and dropped it
@@ -346,7 +342,7 @@ def test_a_servo_of_protocol_2_restarts(servo: Servo, robot: Three) -> None:
     assert (robot.wrist.get("hardware_error"), robot.wrist.limp) == (0, True)
 
 
-def test_a_port_that_is_not_there_says_what_to_type(capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_servo_port_gives_a_hint(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", "scan", "--port", "/dev/nothing_here")
     assert outcome.code == 3
     assert "/dev/nothing_here: no such device" in outcome.err
@@ -360,13 +356,13 @@ def test_without_a_robot_all_is_simulated(capsys: pytest.CaptureFixture[str]) ->
 
 
 @pytest.mark.parametrize("line", ["torque recover", "move elbow 5 deg", "info elbow", "set all return_delay 250"])
-def test_what_is_done_to_simulated_servos_is_said_to_be(line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_servo_commands_report_simulated_servos(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "servo", *line.split())
     assert outcome.code == 0, outcome.err
     assert "simulated servos; add --robot or --port for real ones\n" in outcome.err
 
 
-def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> None:
+def test_servo_commands_do_not_call_real_servos_simulated(servo: Servo) -> None:
     assert servo("info").err == ""
     assert servo("info", "--simulate").err == "simulated servos, because of --simulate\n"
 
@@ -374,13 +370,13 @@ def test_what_is_done_to_real_servos_is_not_called_simulated(servo: Servo) -> No
 @pytest.mark.parametrize(
     ("words", "rate"), [("--watch elbow", 5.0), ("elbow --watch", 5.0), ("--watch 20 elbow", 20.0)]
 )
-def test_watch_takes_the_next_word_only_if_it_is_a_rate(words: str, rate: float) -> None:
+def test_watch_option_takes_only_a_rate(words: str, rate: float) -> None:
     context = info.make_context("info", words.split())
     assert (context.params["rate"], context.params["servos"]) == (rate, ("elbow",))
 
 
 @pytest.mark.parametrize("number", ["-1", "254", "300"])
-def test_an_id_that_no_servo_can_have_is_refused(servo: Servo, number: str) -> None:
+def test_servo_id_out_of_range_is_refused(servo: Servo, number: str) -> None:
     outcome = servo("set", "2", "id", number, "--yes")
     assert (outcome.code, "they go from 0 to 253" in outcome.err) == (2, True), outcome.err
 
@@ -388,5 +384,5 @@ def test_an_id_that_no_servo_can_have_is_refused(servo: Servo, number: str) -> N
 @pytest.mark.parametrize(
     "words", [("torque", "restart"), ("torque", "restart", "elbow", "wrist"), ("torque", "recover", "elbow")]
 )
-def test_forms_of_torque_that_name_the_wrong_number_of_servos_are_refused(servo: Servo, words: tuple[str, ...]) -> None:
+def test_torque_commands_with_wrong_servo_counts_are_refused(servo: Servo, words: tuple[str, ...]) -> None:
     assert servo(*words).code == 2

@@ -23,7 +23,7 @@ def run(capsys: pytest.CaptureFixture[str]) -> Run:
     return lambda line: command(capsys, *line.split(), "--robot", "three.yaml")
 
 
-def test_a_move_of_a_joint_in_another_mode_ends_with_the_command_that_helps(robot: Three, run: Run) -> None:
+def test_move_in_a_wrong_operating_mode_suggests_the_fix(robot: Three, run: Run) -> None:
     robot.wrist.set("operating_mode", 1)
     outcome = run("servo move wrist 10 deg")
     assert outcome.code == 1
@@ -33,7 +33,7 @@ def test_a_move_of_a_joint_in_another_mode_ends_with_the_command_that_helps(robo
 
 
 @pytest.mark.real_time
-def test_a_recording_of_a_joint_that_is_missing_ends_before_anything_goes_limp(robot: Three, run: Run) -> None:
+def test_recording_with_a_missing_joint_ends_before_joints_go_limp(robot: Three, run: Run) -> None:
     robot.wrist.present = False
     robot.elbow.set("torque_enable", 1)
     outcome = run("servo record shown --seconds 1 --yes")
@@ -42,14 +42,14 @@ def test_a_recording_of_a_joint_that_is_missing_ends_before_anything_goes_limp(r
     assert "limp:" not in outcome.err
 
 
-def test_the_doctor_names_the_command_that_helps(robot: Three, run: Run) -> None:
+def test_doctor_suggests_the_fix_for_wrong_angle_limits(robot: Three, run: Run) -> None:
     robot.elbow.set("cw_angle_limit", 0)
     robot.elbow.set("ccw_angle_limit", 0)
     outcome = run("doctor")
     assert "mission servo set 2 ccw_angle_limit 1023 --robot three.yaml" in outcome.out
 
 
-def test_a_servo_that_answers_pings_alone_is_found_and_set_back(robot: Three, run: Run) -> None:
+def test_servo_that_answers_only_pings_can_be_repaired(robot: Three, run: Run) -> None:
     robot.elbow.set("status_return_level", 0)
     outcome = run("servo scan --ids 1-3 --baud 1000000")
     assert "servo 2 replies to a ping, but not to a read" in outcome.err
@@ -63,7 +63,7 @@ def test_a_servo_that_answers_pings_alone_is_found_and_set_back(robot: Three, ru
     assert robot.elbow.get("status_return_level") == 2
 
 
-def test_two_servos_whose_pings_agree_are_not_taken_for_one_that_answers_pings_alone(robot: Three, run: Run) -> None:
+def test_two_servos_with_one_id_are_not_taken_for_one_that_answers_only_pings(robot: Three, run: Run) -> None:
     robot.waist.set("id", 2)
     outcome = run("servo set 2 status_return_level 2 --yes")
     assert outcome.code == 3
@@ -72,7 +72,7 @@ def test_two_servos_whose_pings_agree_are_not_taken_for_one_that_answers_pings_a
     assert [robot.waist.number, robot.elbow.number] == [2, 2]
 
 
-def test_an_id_that_servos_of_both_protocols_have_is_refused(robot: Three, capsys: pytest.CaptureFixture[str]) -> None:
+def test_id_shared_by_both_protocols_is_refused(robot: Three, capsys: pytest.CaptureFixture[str]) -> None:
     robot.wrist.set("id", 1)
     words = ("servo", "set", "1", "id", "9", "--yes", "--port", robot.terminal.path)
     outcome = command(capsys, *words)

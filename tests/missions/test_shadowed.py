@@ -17,7 +17,7 @@ def said(folder: Path, *, path: Path | None = None) -> list[str]:
     return done.stderr.splitlines()
 
 
-def test_a_distribution_that_hides_a_package_is_to_be_uninstalled(tmp_path: Path) -> None:
+def test_shadowing_distribution_suggests_pip_uninstall(tmp_path: Path) -> None:
     site, home = tmp_path / "site", tmp_path / "home"
     home.mkdir()
     (site / "config").mkdir(parents=True)
@@ -32,7 +32,7 @@ def test_a_distribution_that_hides_a_package_is_to_be_uninstalled(tmp_path: Path
     ]
 
 
-def test_a_module_in_this_folder_or_in_the_pythonpath_is_named_with_what_helps(tmp_path: Path) -> None:
+def test_shadowing_module_in_the_folder_or_pythonpath_gives_a_hint(tmp_path: Path) -> None:
     home, other = tmp_path / "home", tmp_path / "other"
     for folder in (home, other):
         folder.mkdir()

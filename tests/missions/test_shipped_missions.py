@@ -29,7 +29,7 @@ FILES = [(kind, name) for kind in LOADERS for name in shipped_files(kind)]
 
 
 @pytest.mark.parametrize(("kind", "name"), FILES)
-def test_every_shipped_file_loads_and_is_named_after_its_file(kind: str, name: str) -> None:
+def test_every_shipped_file_loads_and_has_the_name_of_its_file(kind: str, name: str) -> None:
     loaded = LOADERS[kind](shipped_files(kind)[name])
     assert getattr(loaded, "name", "") == name
     assert getattr(loaded, "summary", "")
@@ -43,7 +43,7 @@ def robot_for(mission: str) -> RobotConfig:
 
 
 @pytest.mark.parametrize("name", list(shipped_missions()))
-def test_every_shipped_mission_is_good_on_its_robot(name: str) -> None:
+def test_every_shipped_mission_passes_the_check_for_its_robot(name: str) -> None:
     plan = load_mission(name, robot=target_of(robot_for(name)))
     assert plan.mission == name.rpartition("/")[2]
     assert plan.summary
@@ -93,7 +93,7 @@ def test_every_gesture_ends_where_it_began(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", list(shipped_files("worlds")))
-def test_everybody_stands_and_walks_inside_the_room(name: str) -> None:
+def test_people_of_shipped_worlds_stay_inside_the_room(name: str) -> None:
     world = load_world(shipped_files("worlds")[name])
     for person in world.people:
         for x, y in ((person.x, person.y), *person.path):
@@ -101,14 +101,14 @@ def test_everybody_stands_and_walks_inside_the_room(name: str) -> None:
             assert abs(y - world.centre[1]) < world.width / 2
 
 
-def test_every_controller_and_gesture_is_found_as_missions_name_it() -> None:
+def test_every_controller_and_gesture_is_found_by_name() -> None:
     for name in shipped_files("controllers"):
         assert isinstance(LOOKUPS["controller"](name), RuleBases)
     for name in shipped_files("gestures"):
         assert getattr(LOOKUPS["gesture"](name), "name", "") == name
 
 
-def test_a_thing_that_is_wrong_says_where_in_its_own_file(tmp_path: Path) -> None:
+def test_mistake_in_a_named_file_has_its_position(tmp_path: Path) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("gesture: bad\nkeyframes:\n  - {at: 1 s, elbow: 90}\n", encoding="utf-8")
     with pytest.raises(LookupError, match=r"names a gesture with errors: .*bad\.yaml:3:22: 'elbow' needs an angle"):
@@ -118,7 +118,7 @@ def test_a_thing_that_is_wrong_says_where_in_its_own_file(tmp_path: Path) -> Non
         LOOKUPS["controller"](str(file))
 
 
-def test_greet_is_there_and_takes_what_its_caller_says() -> None:
+def test_greet_accepts_its_params() -> None:
     assert find_mission("greet").name == "greet.yaml"
     plan = load_mission("greet", params={"greeting": "Good morning", "patience": "2 min"})
     assert (plan.params["greeting"], plan.params["patience"]) == ("Good morning", 120.0)

@@ -23,13 +23,13 @@ from tests.missions.command import command
         (("1",), "drive"),
     ],
 )
-def test_a_name_is_shown_by_its_kind(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_finds_the_kind_of_a_name(words: tuple[str, ...], told: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "show", *words)
     assert outcome.code == 0, outcome.err
     assert told in outcome.out
 
 
-def test_a_file_is_shown_by_its_keys(
+def test_show_finds_the_kind_of_a_file_by_its_keys(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -60,7 +60,7 @@ def test_a_behaviour_is_shown_as_json_for_programs(capsys: pytest.CaptureFixture
         (("gret",), "did you mean 'greet'?"),
     ],
 )
-def test_what_does_not_fit_is_refused(words: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_refuses_unsuitable_options(words: tuple[str, ...], why: str, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "show", *words)
     assert outcome.code == 2
     assert why in outcome.err

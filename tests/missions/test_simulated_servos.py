@@ -14,7 +14,7 @@ ROBOTS = Path(__file__).parent.parent.parent / "config" / "robots"
 
 
 @pytest.mark.parametrize("name", ["turtlebot2_arm", "humanoid"])
-def test_each_servo_is_of_the_model_that_the_robot_file_names(name: str) -> None:
+def test_simulated_servos_have_the_models_of_the_robot_file(name: str) -> None:
     robot = load_robot(ROBOTS / f"{name}.yaml")
     arm = robot.keys(DynamixelKeys)
     assert arm is not None

@@ -45,7 +45,7 @@ def test_greet_succeeds_on_twins(eyes: str) -> None:
     assert events[-1].as_dict()["result"] == "success"
 
 
-def test_nobody_to_greet_is_a_failure_with_its_reason() -> None:
+def test_greet_times_out_in_an_empty_world() -> None:
     order = fast("greet", eyes="truth", world="empty", params={"patience": "5 s"})
     result = Runner(order).run()
     assert (result.result, result.reason) == ("failure", "no face found (timed out after 5 s)")
@@ -53,7 +53,7 @@ def test_nobody_to_greet_is_a_failure_with_its_reason() -> None:
 
 
 @pytest.mark.parametrize("options", [["--eyes", "truth"], ["--simulate", "fast"]])
-def test_two_processes_with_one_seed_tell_the_same_to_the_bit(tmp_path: Path, options: list[str]) -> None:
+def test_two_processes_with_one_seed_write_identical_events(tmp_path: Path, options: list[str]) -> None:
     for number in ("1", "2"):
         run = [sys.executable, "-m", "missions", "run", "greet", *options, "--seed", "3"]
         surroundings = {**os.environ, "PYTHONHASHSEED": number}
@@ -61,7 +61,7 @@ def test_two_processes_with_one_seed_tell_the_same_to_the_bit(tmp_path: Path, op
     assert (tmp_path / "1").read_bytes() == (tmp_path / "2").read_bytes()
 
 
-def test_another_seed_is_another_run() -> None:
+def test_another_seed_gives_another_run() -> None:
     one, other = (told(fast("greet", eyes="truth", seed=seed)) for seed in (1, 2))
     assert [event.as_dict() for event in one] != [event.as_dict() for event in other]
 
@@ -92,7 +92,7 @@ class Wall:
         self.clock.advance(seconds)
 
 
-def test_a_speed_is_kept_by_waiting() -> None:
+def test_pacer_keeps_the_speed_by_waiting() -> None:
     wall, timeline = Wall(), Timeline()
     pace = SimulationPacer(RunState(timeline.clock, wall=wall.clock), timeline, speed=5.0, wait=wall.wait)
     for _ in range(100):
@@ -120,7 +120,7 @@ def test_without_a_speed_nothing_waits() -> None:
     assert not wall.waited
 
 
-def test_what_wakes_the_executive_ends_the_wait() -> None:
+def test_wake_ends_the_wait_of_the_pacer() -> None:
     timeline = Timeline()
     run = RunState(timeline.clock)
     timeline.call_at(0.3, run.wake)
@@ -183,7 +183,9 @@ def test_the_robot_comes_to_rest_before_a_pause_holds_the_world(what: str, how: 
         (["--speed", "0"], "--speed"),
     ],
 )
-def test_what_cannot_be_together_is_refused(capsys: pytest.CaptureFixture[str], options: list[str], said: str) -> None:
+def test_incompatible_run_options_are_refused(
+    capsys: pytest.CaptureFixture[str], options: list[str], said: str
+) -> None:
     outcome = command(capsys, "run", "greet", *options)
     assert outcome.code == 2
     assert said in outcome.err
@@ -221,7 +223,7 @@ def test_python_runs_missions_in_simulated_time_too() -> None:
     assert missions.run("motions/forward", simulate="fast").result == "success"
 
 
-def test_a_mission_ticked_by_hand_takes_its_simulated_time_along() -> None:
+def test_manual_ticks_advance_simulated_time() -> None:
     with missions.load("motions/forward", robot="turtlebot2_arm", simulate="fast") as mission:
         statuses = [mission.tick()]
         while statuses[-1] is Status.RUNNING:
@@ -230,9 +232,7 @@ def test_a_mission_ticked_by_hand_takes_its_simulated_time_along() -> None:
     assert 40 < len(statuses) < 400
 
 
-def test_a_run_that_would_never_end_is_ended_and_says_what_it_is_at(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_endless_simulated_run_is_ended_by_until(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "deaf.yaml").write_text("mission: deaf\ntree:\n  sequence:\n    - listen: say anything\n")
     words = ("run", str(tmp_path / "deaf.yaml"), "--simulate", "fast")
     ended = command(capsys, *words, "--until", "90 s")

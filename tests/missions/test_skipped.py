@@ -35,7 +35,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captu
     return tmp_path
 
 
-def test_events_and_records_say_which_node_was_skipped(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_events_and_records_show_skipped_nodes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     lines = [json.loads(line) for line in (folder / "e.jsonl").read_text(encoding="utf-8").splitlines()]
     ends = [(e["line"], e["kind"], e["status"], e["reason"]) for e in lines if e["event"] == "node_changed"]
     assert [(line, kind) for line, kind, status, why in ends if status == "skipped" and why] == [

@@ -55,18 +55,18 @@ def mission(capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pyt
         ("record info home.yaml", "home.yaml is a world: "),
     ],
 )
-def test_a_slip_is_answered_with_what_to_type(mission: Mission, line: str, said: str) -> None:
+def test_command_line_mistake_gives_a_hint(mission: Mission, line: str, said: str) -> None:
     outcome = mission(*line.split())
     assert outcome.code == 2
     assert said in outcome.err
     assert len(outcome.err.splitlines()) < 7
 
 
-def test_a_param_with_a_blank_is_told_in_quotes(mission: Mission) -> None:
+def test_param_with_a_space_is_suggested_in_quotes(mission: Mission) -> None:
     assert mission("run", "ask.yaml", "to=Anna Lee").err.endswith("try: --param 'to=Anna Lee'\n")
 
 
-def test_what_stood_alone_may_still_stand_alone(mission: Mission) -> None:
+def test_simulate_option_may_have_no_value(mission: Mission) -> None:
     assert mission("run", "ask.yaml", "--simulate", "--robot", "turtlebot2", "--speed", "5").code == 2
     assert mission("run", "--simulate", "fast", "ask.yaml").code == 0
 
@@ -80,9 +80,7 @@ def test_what_stood_alone_may_still_stand_alone(mission: Mission) -> None:
         ("queue", "a pipe"),
     ],
 )
-def test_what_is_no_serial_port_is_refused_before_anything_is_waited_for(
-    mission: Mission, port: str, what: str
-) -> None:
+def test_non_serial_port_is_refused_without_waiting(mission: Mission, port: str, what: str) -> None:
     os.mkfifo("queue")
     Path("go.yaml").write_text("mission: go\ntree:\n  drive: 1 m\n")
     outcome = mission("run", "go.yaml", "--robot", "turtlebot2", "--port", f"base={port}")
@@ -93,7 +91,7 @@ def test_what_is_no_serial_port_is_refused_before_anything_is_waited_for(
         open_port("base", port, 115200)
 
 
-def test_a_pseudo_terminal_may_be_a_port_and_so_may_what_is_not_there_yet() -> None:
+def test_pseudo_terminal_and_missing_port_are_accepted_as_ports() -> None:
     ours, theirs = pty.openpty()
     try:
         assert find_non_serial_kind(os.ttyname(theirs)) is None
@@ -145,13 +143,13 @@ def test_every_number_of_a_command_is_read_in_plain_digits() -> None:
         ("Hz", "5 Hz", 5.0),
     ],
 )
-def test_an_option_takes_a_quantity_as_missions_have_it(unit: str, text: str, found: float) -> None:
+def test_option_accepts_quantities_with_units(unit: str, text: str, found: float) -> None:
     assert QuantityInUnit(unit).convert(text, None, None) == pytest.approx(found)
 
 
 @pytest.mark.parametrize(
     ("text", "said"), [("20 m", "not an angle, such as '30 deg'"), ("twenty", "not an angle"), ("2 rad", "range")]
 )
-def test_an_option_refuses_another_dimension_and_what_is_out_of_range(text: str, said: str) -> None:
+def test_option_refuses_wrong_dimension_and_range(text: str, said: str) -> None:
     with pytest.raises(click.BadParameter, match=said):
         QuantityInUnit("deg", -45.0, 45.0).convert(text, None, None)

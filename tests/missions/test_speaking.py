@@ -34,7 +34,7 @@ def test_sounds_are_found_from_the_folder_of_the_mission(tmp_path: Path) -> None
         arguments(tmp_path, "play_sound: gong.wav")
 
 
-def test_the_manner_is_checked_before_anything_is_said(tmp_path: Path) -> None:
+def test_arguments_of_say_are_checked(tmp_path: Path) -> None:
     step = "say: {text: Hi, voice: +f2, speed: 200, language: de, priority: '${how}'}"
     found = arguments(tmp_path, step)
     assert found == {"text": "Hi", "voice": "+f2", "speed": 200.0, "language": "de", "priority": "high"}
@@ -44,7 +44,7 @@ def test_the_manner_is_checked_before_anything_is_said(tmp_path: Path) -> None:
         arguments(tmp_path, "say: {text: Hi, priority: urgent}")
 
 
-def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
+def test_say_reports_its_non_default_arguments() -> None:
     bench = LeafTestBench()
     told: list[Mapping[str, object]] = []
     leaf = bench.put(Say("say"), text="Hi")
@@ -71,7 +71,7 @@ def test_what_is_said_is_told_with_what_is_unusual_of_it() -> None:
     assert heard.done()
 
 
-def test_a_record_gives_out_again_what_was_said_and_heard(tmp_path: Path) -> None:
+def test_recorded_speech_is_replayed(tmp_path: Path) -> None:
     clock, answers = ManualClock(10.0), TickCache()
     bell = tmp_path / "bell.wav"
     bell.write_bytes((b"OggS\0\x02" + bytes(20) + b"\x01\x1e\x01vorbis").ljust(16_000, b"\0"))  # a second of it

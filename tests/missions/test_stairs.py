@@ -153,13 +153,13 @@ def test_no_start_at_full_speed_leads_down_the_stairs(briefly: Path, lag: float)
     assert falls(briefly, "turtlebot2", lag, range(share, STARTS, len(LAGS))) == []
 
 
-def test_nor_does_it_where_a_mission_tries_again_and_again(tmp_path: Path) -> None:
+def test_base_does_not_fall_during_repeated_retries(tmp_path: Path) -> None:
     mission = tmp_path / "stubborn.yaml"
     mission.write_text(STUBBORN)
     assert falls(mission, "turtlebot2", 0.1, range(tries(3, most=10))) == []
 
 
-def test_a_faster_robot_stops_too_whose_motors_obey_at_once_and_that_comes_straight(briefly: Path) -> None:
+def test_faster_base_stops_at_a_straight_edge(briefly: Path) -> None:
     for seed in range(tries(8, most=20)):
         random = Random(f"straight {seed}")  # noqa: S311 - chance, not a secret
         start = Pose2D(random.uniform(0.0, 1.2), random.uniform(-1.2, 0.6), random.uniform(-0.6, 0.6))
@@ -197,7 +197,7 @@ class Pushing:
 
 
 @pytest.mark.parametrize("lag", LAGS)
-def test_what_it_bumps_into_is_not_pushed(blindly: Path, lag: float) -> None:
+def test_base_does_not_push_obstacles(blindly: Path, lag: float) -> None:
     touches = 0
     for seed in range(LAGS.index(lag), STARTS, len(LAGS)):
         random = Random(f"wall {seed}")  # noqa: S311 - chance, not a secret
@@ -212,7 +212,7 @@ def test_what_it_bumps_into_is_not_pushed(blindly: Path, lag: float) -> None:
 
 
 @pytest.mark.parametrize("lag", LAGS)
-def test_a_base_that_is_lifted_turns_no_wheel(blindly: Path, lag: float) -> None:
+def test_lifted_base_stops_its_wheels(blindly: Path, lag: float) -> None:
     for seed in range(LAGS.index(lag), STARTS, len(LAGS)):
         random = Random(f"lift {seed}")  # noqa: S311 - chance, not a secret
         lifted_at, rolls = random.uniform(0.0, 9.0), {"moved": 0.0}

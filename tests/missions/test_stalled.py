@@ -105,7 +105,7 @@ class Stalling(Leaf):
 
 
 @pytest.mark.real_time
-def test_a_behaviour_that_holds_up_the_tick_of_a_mission_leaves_the_base_at_rest(tmp_path: Path) -> None:
+def test_blocked_tick_leaves_the_base_stopped(tmp_path: Path) -> None:
     mission = tmp_path / "ahead.yaml"
     mission.write_text("mission: ahead\ntree:\n  drive: 100 m\n  timeout: 30 s\n", encoding="utf-8")
     clock, witness = SystemClock(), Witness()

@@ -48,14 +48,14 @@ def test_the_last_part_waits_for_no_second_thread_on_a_busy_machine() -> None:
 
 
 @pytest.mark.parametrize("hangs", PARTS)
-def test_a_part_that_hangs_keeps_no_other_from_being_told(hangs: str) -> None:
+def test_hanging_part_does_not_prevent_the_stop_of_others(hangs: str) -> None:
     stilled = Stilled(hangs)
     told = latch_of(stilled).stop("Ada")
     stilled.let_go.set()
     assert told == [part for part in PARTS if part != hangs]
 
 
-def test_a_part_that_raises_keeps_no_other_from_being_told() -> None:
+def test_raising_part_does_not_prevent_the_stop_of_others() -> None:
     stilled = Stilled()
 
     def still(parts: frozenset[str]) -> None:
@@ -67,7 +67,7 @@ def test_a_part_that_raises_keeps_no_other_from_being_told() -> None:
     assert latch.stop("Ada") == list(PARTS[1:])
 
 
-def test_one_press_counts_once_by_however_many_ways_it_comes() -> None:
+def test_one_stop_press_counts_once() -> None:
     latch = latch_of(Stilled())
     for by, press in (("operator 1", "a"), ("operator 2", "a"), ("operator 3", "a")):
         latch.stop(by, press)

@@ -61,7 +61,7 @@ def named(root: Node, name: str) -> Node:
     return next(node for node in root.iterate() if isinstance(node, Node) and node.name == name)
 
 
-def test_a_submission_gets_its_params_and_hands_its_results_back_under_one_name(folder: Path) -> None:
+def test_submission_takes_params_and_returns_results_under_one_name(folder: Path) -> None:
     root, run = ready(load(folder, "  mission: square.yaml\n  with: {side: 2 m, corners: 3}\n  as: done\n"))
     assert root.execute_tick() is Status.SUCCESS
     assert run.variables["done"] == {"length": 6.0, "corners": 3}
@@ -69,7 +69,7 @@ def test_a_submission_gets_its_params_and_hands_its_results_back_under_one_name(
     assert named(root, "log").reason == "2 m by 3"
 
 
-def test_without_as_each_result_becomes_a_variable_of_its_own_name(folder: Path) -> None:
+def test_submission_results_without_as_become_variables(folder: Path) -> None:
     tree = "  sequence:\n    - mission: square.yaml\n    - log: ${length} and ${corners}\n      name: told\n"
     root, _ = ready(load(folder, tree))
     assert root.execute_tick() is Status.SUCCESS
@@ -96,7 +96,7 @@ returns: {seen: seen, twice: seen * 2, home: home, last: last}
 """
 
 
-def test_results_of_a_submission_that_failed_are_kept_as_far_as_they_were_set(folder: Path) -> None:
+def test_failed_submission_returns_the_results_that_are_set(folder: Path) -> None:
     (folder / "tour.yaml").write_text(TOUR)
     for beside in ("", "\n  as: done"):
         root, run = ready(load(folder, f"  mission: tour.yaml{beside}\n"))
@@ -110,7 +110,7 @@ def test_results_of_a_submission_that_failed_are_kept_as_far_as_they_were_set(fo
         assert not beside or "home" not in kept
 
 
-def test_a_result_that_cannot_be_computed_makes_a_success_a_failure_and_the_others_are_kept(folder: Path) -> None:
+def test_uncomputable_result_fails_the_submission_and_keeps_the_others(folder: Path) -> None:
     (folder / "half.yaml").write_text("mission: half\ntree: {set: {a: 1, b: x}}\nreturns: {c: a / (a - 1), d: a}\n")
     root, run = ready(load(folder, "  mission: half.yaml\n"))
     assert root.execute_tick() is Status.FAILURE
@@ -119,7 +119,7 @@ def test_a_result_that_cannot_be_computed_makes_a_success_a_failure_and_the_othe
     assert "c" not in run.variables
 
 
-def test_a_submission_that_is_halted_hands_nothing_back(folder: Path) -> None:
+def test_halted_submission_returns_nothing(folder: Path) -> None:
     (folder / "slow.yaml").write_text(
         "mission: slow\ntree: {sequence: [{set: {a: 1}}, {wait: 9 s}]}\nreturns: {a: a}\n"
     )
@@ -128,7 +128,7 @@ def test_a_submission_that_is_halted_hands_nothing_back(folder: Path) -> None:
     assert "a" not in run.variables
 
 
-def test_params_are_computed_anew_at_each_start_and_variables_forgotten(folder: Path) -> None:
+def test_submission_recomputes_params_and_drops_variables_at_each_start(folder: Path) -> None:
     (folder / "count.yaml").write_text(
         "mission: count\nparams: {start: 0}\ntree:\n  set: {found: '${start + 1}'}\nreturns: {found: found}\n"
     )
@@ -142,7 +142,7 @@ def test_params_are_computed_anew_at_each_start_and_variables_forgotten(folder: 
     assert run.variables["n"] == 13
 
 
-def test_a_shipped_mission_is_found_by_name_and_a_file_beside_the_one_that_names_it(folder: Path) -> None:
+def test_submission_is_found_by_name_or_beside_its_caller(folder: Path) -> None:
     (folder / "inner").mkdir()
     (folder / "inner" / "a.yaml").write_text("mission: a\ntree:\n  mission: b.yaml\n")
     (folder / "inner" / "b.yaml").write_text("mission: b\ntree: succeed\n")
@@ -150,7 +150,7 @@ def test_a_shipped_mission_is_found_by_name_and_a_file_beside_the_one_that_names
     assert [step.name for step in plan.tree.walk() if step.kind == "mission"] == ["a", "b", "greet"]
 
 
-def test_a_mission_that_includes_itself_is_a_mistake_however_long_the_way(folder: Path) -> None:
+def test_recursive_submission_is_a_mistake(folder: Path) -> None:
     (folder / "a.yaml").write_text("mission: a\ntree:\n  mission: b.yaml\n")
     (folder / "b.yaml").write_text("mission: b\ntree:\n  mission: main.yaml\n")
     assert messages(folder, "  mission: a.yaml\n") == [
@@ -159,7 +159,7 @@ def test_a_mission_that_includes_itself_is_a_mistake_however_long_the_way(folder
 
 
 @pytest.mark.parametrize("word", ["main", "a"])
-def test_a_word_that_would_lead_a_mission_to_itself_is_no_hint(folder: Path, word: str) -> None:
+def test_hint_never_suggests_a_recursive_submission(folder: Path, word: str) -> None:
     (folder / "a.yaml").write_text("mission: a\ntree:\n  sequence:\n    - mission: b\n")
     (folder / "b.yaml").write_text("mission: b\ntree: {mission: main}\n")
     with pytest.raises(InvalidFileError) as caught:
@@ -167,7 +167,7 @@ def test_a_word_that_would_lead_a_mission_to_itself_is_no_hint(folder: Path, wor
     assert "mission:" not in caught.value.diagnostics[0].suggestion
 
 
-def test_a_mission_that_hides_one_of_the_library_is_told_how_to_run_that(folder: Path) -> None:
+def test_mission_that_shadows_a_library_mission_gives_a_hint(folder: Path) -> None:
     (folder / "greet.yaml").write_text("mission: greet\ntree: {mission: greet}\n")
     with pytest.raises(InvalidFileError) as caught:
         load(folder, "  mission: greet\n")
@@ -176,7 +176,7 @@ def test_a_mission_that_hides_one_of_the_library_is_told_how_to_run_that(folder:
     assert fault.suggestion == "the library has another 'greet': rename greet.yaml to run that"
 
 
-def test_missions_that_multiply_are_refused_before_they_fill_the_memory(folder: Path) -> None:
+def test_number_of_steps_is_limited(folder: Path) -> None:
     (folder / "m0.yaml").write_text("mission: m0\ntree: succeed\n")
     for level in range(1, 12):
         twice = "".join(f"    - mission: m{level - 1}.yaml\n" for _ in range(5))
@@ -203,11 +203,11 @@ def test_missions_that_multiply_are_refused_before_they_fill_the_memory(folder: 
         ("  switch: {on: 1, cases: {1: suceed}}\n", "main.yaml:3: unknown behaviour 'suceed'"),
     ],
 )
-def test_a_mistake_is_told_where_it_stands(tree: str, expected: str, folder: Path) -> None:
+def test_submission_mistakes_are_reported_at_their_place(tree: str, expected: str, folder: Path) -> None:
     assert any(line.startswith(expected) for line in messages(folder, tree)), messages(folder, tree)
 
 
-def test_a_param_that_was_refused_makes_no_mistakes_where_it_is_read(folder: Path) -> None:
+def test_refused_param_causes_no_further_mistakes(folder: Path) -> None:
     (folder / "far.yaml").write_text("mission: far\nparams: {way: 1 m}\ntree: {drive: '${way * 2}'}\n")
     assert len(messages(folder, "  mission: far.yaml\n  with: {way: 3}\n")) == 1
     (folder / "far.yaml").write_text(
@@ -217,13 +217,13 @@ def test_a_param_that_was_refused_makes_no_mistakes_where_it_is_read(folder: Pat
     assert len(messages(folder, "  drive: ${way * 2}\nparams: {way: {type: length, default: 3}}\n")) == 1
 
 
-def test_a_mistake_inside_a_submission_is_told_in_its_own_file(folder: Path) -> None:
+def test_mistake_inside_a_submission_is_reported_in_its_file(folder: Path) -> None:
     (folder / "bad.yaml").write_text("mission: bad\ntree:\n  parallel:\n    - say: a\n    - say: b\n")
     lines = messages(folder, "  sequence:\n    - mission: bad.yaml\n    - mission: bad.yaml\n")
     assert lines == ["bad.yaml:5: 'say' and 'say' (line 4) can both drive the voice at the same time"]
 
 
-def test_what_is_never_reached_and_what_cannot_matter_are_mistakes(folder: Path) -> None:
+def test_unreachable_steps_and_useless_modifiers_are_mistakes(folder: Path) -> None:
     tree = "  sequence:\n    - wait: 1 s\n      repeat: forever\n    - log: never\n"
     assert messages(folder, tree) == ["main.yaml:6: 'log' is never reached: 'wait' (line 4) never succeeds"]
     tree = "  selector:\n    - wait: 1 s\n    - log: never\n"
@@ -257,7 +257,7 @@ SWITCH = """\
         ("far", "far"),
     ],
 )
-def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -> None:
+def test_switch_runs_the_case_of_its_value(on: str, said: str, folder: Path) -> None:
     any_kind = f"  sequence:\n    - set: {{it: '${{[1]}}'}}\n    - set: {{it: \"${{{on}}}\"}}\n"
     switch = "    - " + SWITCH.replace("ON", "it").strip().replace("\n", "\n    ") + "\n"
     root, _ = ready(load(folder, any_kind + switch, head="params: {far: 2 m}\n"))
@@ -267,14 +267,14 @@ def test_a_switch_does_the_case_of_its_value(on: str, said: str, folder: Path) -
     ] == [said]
 
 
-def test_a_switch_without_a_case_or_a_default_fails_and_says_for_what(folder: Path) -> None:
+def test_switch_without_a_matching_case_fails_with_the_value(folder: Path) -> None:
     tree = "  switch: {on: \"'blue'\", cases: {red: succeed, 3: succeed}}\n"
     root, _ = ready(load(folder, tree))
     assert root.execute_tick() is Status.FAILURE
     assert root.reason == "no case for blue, and no default"
 
 
-def test_a_switch_keeps_to_its_case_until_that_ends(folder: Path) -> None:
+def test_switch_keeps_its_case_until_it_ends(folder: Path) -> None:
     tree = "  switch:\n    on: colour\n    cases:\n      red: {pretend: [running, success]}\n      blue: fail\n"
     root, run = ready(load(folder, tree, head="params: {colour: red}\n"))
     assert root.execute_tick() is Status.RUNNING
@@ -287,7 +287,7 @@ def names(seen: list[str], status: Status) -> NodeCallback:
     return NodeCallback(lambda node: seen.append(node.name) if node.status is status else None)
 
 
-def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> None:
+def test_random_sequence_runs_all_children_in_an_order_by_seed(folder: Path) -> None:
     leaves = "".join(f"    - pretend: [running, success]\n      name: n{number}\n" for number in range(6))
     plan = load(folder, "  random_sequence:\n" + leaves)
 
@@ -305,7 +305,7 @@ def test_a_random_sequence_does_all_in_an_order_of_its_seed(folder: Path) -> Non
     assert len({tuple(order(seed)) for seed in range(10)}) > 5
 
 
-def test_a_random_selector_tries_until_one_succeeds_and_draws_anew_at_each_start(folder: Path) -> None:
+def test_random_selector_draws_a_new_order_at_each_start(folder: Path) -> None:
     leaves = "".join(f"    - pretend: [failure]\n      name: n{number}\n" for number in range(4))
     root, run = ready(load(folder, "  random_selector:\n" + leaves))
     orders = set()

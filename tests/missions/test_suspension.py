@@ -195,16 +195,14 @@ def test_a_silent_range_finder_does_not_restart_a_drive(
     assert found.code == 0, found.out
 
 
-def test_a_range_finder_that_stays_silent_fails_a_reactive_selector_as_a_whole(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_silent_range_finder_fails_the_reactive_selector(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     tree = "reactive_selector: [{say: near, while: range.ahead < 5 cm}, {drive: 1.5 m}, {drive: -1 m}]"
     expected = "{result: failure, reason: the range finder has not reported for 5 s, within: 9 s, base: stopped}"
     found = outcome(tree, "range unplugged at 3 s", expected, tmp_path, capsys)
     assert found.code == 0, found.out
 
 
-def test_a_timeout_beside_the_condition_lets_the_mission_do_without_the_sensor(
+def test_timeout_on_the_condition_lets_the_mission_continue_without_the_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     tree = "reactive_selector: [{face_seen: 1 s, timeout: 1 s}, {drive: 1.5 m}]"
@@ -220,7 +218,7 @@ def test_a_timeout_inside_a_suspended_node_fires(tmp_path: Path, capsys: Capture
     assert found.code == 0, found.out
 
 
-def test_the_base_stands_while_its_action_is_not_ticked(tmp_path: Path, capsys: Capture) -> None:
+def test_base_stops_while_its_action_is_suspended(tmp_path: Path, capsys: Capture) -> None:
     tree = "reactive_selector: [{face_seen: 1 s}, {drive: 1.5 m}]"
     expected = "{result: failure, reason: the camera has not reported for 5 s, pose: {near: [-0.9 m, -1.5 m]}}"
     found = outcome(tree, "camera unplugged at 2 s", expected, tmp_path, capsys)
@@ -234,7 +232,7 @@ def test_the_base_stands_while_its_action_is_not_ticked(tmp_path: Path, capsys: 
         ("range unplugged at 1 s", "{result: failure, reason: the range finder has not reported for 5 s}"),
     ],
 )
-def test_a_sub_mission_waits_for_the_sensors_of_its_params(
+def test_submission_waits_for_the_sensors_of_its_params(
     fault: str, expected: str, tmp_path: Path, capsys: Capture
 ) -> None:
     (tmp_path / "inner.yaml").write_text(
@@ -245,7 +243,7 @@ def test_a_sub_mission_waits_for_the_sensors_of_its_params(
     assert found.code == 0, found.out
 
 
-def test_the_robot_file_says_how_long_a_sensor_is_waited_for(tmp_path: Path, capsys: Capture) -> None:
+def test_sensor_timeout_is_set_in_the_robot_file(tmp_path: Path, capsys: Capture) -> None:
     robot = tmp_path / "patient.yaml"
     robot.write_text("sensor_timeout: 2 s\n" + find_file("robots", "turtlebot2").read_text("utf-8"), "utf-8")
     tree = "reactive_selector: [{face_seen: 1 s}, {wait: 20 s}]"
@@ -255,7 +253,7 @@ def test_the_robot_file_says_how_long_a_sensor_is_waited_for(tmp_path: Path, cap
     assert found.code == 0, found.out
 
 
-def test_a_run_that_was_suspended_is_decided_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rerun_of_a_suspended_run_is_identical(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tree = "reactive_selector: [{say: near, while: range.ahead < 5 cm}, {drive: 50 cm}]"
     (case,) = load_suite(suite(tree, "range unplugged from 2 s to 3 s", "{result: success}", tmp_path))
     verdict, past = past_of_case(case, monkeypatch)
@@ -272,7 +270,7 @@ def test_a_run_that_was_suspended_is_decided_again(tmp_path: Path, monkeypatch: 
 # --- leaves of other distributions ------------------------------------------------------------------------------------
 
 
-def test_a_plain_py_trees_behaviour_says_that_its_sensor_is_silent() -> None:
+def test_py_trees_behaviour_can_be_suspended() -> None:
     class Warm(Behaviour):
         """Is it warm?"""
 

@@ -69,7 +69,7 @@ def test_one_case_written_twice_is_a_mistake(first: str, second: str) -> None:
 
 
 @pytest.mark.parametrize(("first", "second"), TWO)
-def test_two_cases_are_told_apart_by_the_value(first: str, second: str) -> None:
+def test_switch_distinguishes_similar_cases(first: str, second: str) -> None:
     for value in (first, second):
         play = Play(plan([first, second], value), {})
         play.line("", 0.0)

@@ -26,7 +26,7 @@ def commands(events: list[Event]) -> list[tuple[str, object]]:
     return [(event.source, event.values) for event in events if isinstance(event, CommandSent)]
 
 
-def test_what_a_mission_commands_is_not_told_twice(events: list[Event], teller: EventReporter) -> None:
+def test_mission_steering_is_not_reported_twice(events: list[Event], teller: EventReporter) -> None:
     ahead = Velocity(0.2, 0.0)
     teller.on_steering(Steering(Source.MISSION, ahead, ahead))
     teller.on_steering(Steering(Source.MISSION, ahead, STILL, "bumper centre"))
@@ -34,9 +34,7 @@ def test_what_a_mission_commands_is_not_told_twice(events: list[Event], teller: 
     assert commands(events) == []
 
 
-def test_a_reflex_is_told_with_what_it_does_and_why_and_when_it_is_over(
-    events: list[Event], teller: EventReporter
-) -> None:
+def test_reflex_is_reported_with_velocity_reason_and_end(events: list[Event], teller: EventReporter) -> None:
     back = Velocity(-0.1, 0.4)
     teller.on_steering(Steering(Source.SAFETY, back, back, "backing off: bumper right"))
     teller.on_steering(Steering(None, STILL, STILL))
@@ -46,7 +44,7 @@ def test_a_reflex_is_told_with_what_it_does_and_why_and_when_it_is_over(
     ]
 
 
-def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[Event], teller: EventReporter) -> None:
+def test_teleop_is_reported_with_requested_and_permitted_velocity(events: list[Event], teller: EventReporter) -> None:
     teller.on_steering(Steering(Source.TELEOP, Velocity(0.7, 0.0), Velocity(0.3, 0.0), "limited"))
     assert commands(events) == [
         (
@@ -56,7 +54,7 @@ def test_a_person_is_told_with_what_was_wanted_and_what_was_given(events: list[E
     ]
 
 
-def test_a_base_that_is_stopped_for_good_is_so_for_safety(events: list[Event], teller: EventReporter) -> None:
+def test_latched_base_is_reported_with_source_safety(events: list[Event], teller: EventReporter) -> None:
     ahead = Velocity(0.2, 0.0)
     teller.on_steering(Steering(Source.MISSION, ahead, ahead))
     teller.on_steering(Steering(None, STILL, STILL, "button 0 was pressed"))

@@ -26,14 +26,14 @@ from tests.missions.command import command
         (Notified(1.0, 20, "Anna was met"), "  notice: Anna was met"),
     ],
 )  # fmt: skip
-def test_what_people_want_to_know_is_told(event: Event, line: str) -> None:
+def test_run_display_prints_a_line_for_each_relevant_event(event: Event, line: str) -> None:
     out = StringIO()
     with RunDisplay(out) as watcher:
         watcher(event)
     assert out.getvalue() == (f"{line}\n" if line else "")
 
 
-def test_a_part_that_is_back_is_told_of_and_one_that_was_never_away_is_not() -> None:
+def test_run_display_reports_only_reconnected_parts() -> None:
     out, address = StringIO(), "http://192.168.4.1:81/stream"
     with RunDisplay(out) as watcher:
         watcher(FaultRaised(0.1, "camera", "online", f"{address} gives pictures"))
@@ -54,7 +54,7 @@ class Terminal(StringIO):
 
 
 @pytest.mark.parametrize(("first", "line"), [(7.1, "   7.1 s  ready\n"), (0.03, "")])
-def test_a_robot_that_took_long_to_get_ready_says_when_it_was(first: float, line: str) -> None:
+def test_run_display_reports_a_slow_start(first: float, line: str) -> None:
     out = StringIO()
     with RunDisplay(out) as watcher:
         for t in (first, first + 0.05, first + 2.0):
@@ -62,7 +62,7 @@ def test_a_robot_that_took_long_to_get_ready_says_when_it_was(first: float, line
     assert out.getvalue() == line
 
 
-def test_until_the_first_tick_a_terminal_shows_what_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_run_display_shows_ready_parts_until_the_first_tick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     out = Terminal()
     with RunDisplay(out) as watcher:
@@ -79,7 +79,7 @@ def test_until_the_first_tick_a_terminal_shows_what_is_ready(monkeypatch: pytest
 @pytest.mark.parametrize(
     ("tree", "note"), [("{wait: 5 s, timeout: 1 s}", "timed out"), ("{race: [{wait: 1 s}, {wait: 5 s}]}", "halted")]
 )
-def test_a_halted_leaf_says_whether_a_timeout_has_halted_it(
+def test_run_display_shows_whether_a_timeout_halted_a_leaf(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], tree: str, note: str
 ) -> None:
     mission = tmp_path / "nap.yaml"

@@ -61,7 +61,7 @@ def real(world: SimulatedWorld, view: Viewpoint = EYE) -> tuple[tuple[Thing, ...
     return found
 
 
-def test_they_see_the_same_as_real_eyes() -> None:
+def test_true_sight_agrees_with_the_detectors() -> None:
     (true_things, true_markers), (real_things, real_markers) = true(WORLD), real(WORLD)
     assert {thing.name for thing in true_things} == {"sun", "crate"}
     for it in true_things:
@@ -86,24 +86,24 @@ def test_they_see_the_same_as_real_eyes() -> None:
         replace(EYE, x=-3.0, z=2.5, yaw=pi),  # far, and behind
     ],
 )
-def test_what_is_out_of_view_is_seen_by_neither(view: Viewpoint) -> None:
+def test_objects_out_of_view_are_not_detected(view: Viewpoint) -> None:
     (things, _), (real_things, _) = true(WORLD, view), real(WORLD, view)
     assert not [thing for thing in (*things, *real_things) if thing.name != "blue"]
 
 
-def test_what_a_wall_hides_is_not_seen() -> None:
+def test_objects_behind_a_wall_are_not_detected() -> None:
     hidden = replace(WORLD, walls=(Wall((1.0, -1.5), (1.0, 1.5)),))
     assert true(hidden) == ((), ())
 
 
-def test_what_is_too_small_or_dark_is_not_seen() -> None:
+def test_too_small_or_dark_objects_are_not_detected() -> None:
     assert true(replace(WORLD, objects=(replace(SUN, size=0.02),), robots=())) == ((), ())
     assert true(replace(WORLD, light=0.02)) == ((), ())
     far = SimulatedWorld(robots=(replace(R2, x=4.8, y=0.0, heading=pi + 0.6),))
     assert true(far)[1] == ()
 
 
-def test_only_what_is_wanted_is_told() -> None:
+def test_true_sight_reports_only_requested_things() -> None:
     green = replace(SUN, colour=COLOURS["green"])
     assert true(SimulatedWorld(objects=(green, replace(SUN, y=-0.2))))[0][0].name == "sun"
     assert len(true(SimulatedWorld(objects=(green,)))[0]) == 0
@@ -122,7 +122,7 @@ def test_a_part_of_all_looks_is_missed_at_random() -> None:
     assert len({things[0].box for things in looks if things}) > 100
 
 
-def test_they_tell_what_moves_and_nothing_where_all_stands() -> None:
+def test_true_sight_reports_motion() -> None:
     walker = Person("Ben", x=2.5, y=0.6, path=((2.5, -0.6),), speed=0.8)
     for people, least, most in (((walker,), 0.002, 0.1), ((replace(walker, path=()),), 0.0, 0.0)):
         sight = TrueSight(

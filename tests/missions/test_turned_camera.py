@@ -22,7 +22,7 @@ tree:
 
 
 @pytest.mark.parametrize("mounted", ["rotate: 0", "rotate: 90", "rotate: 180, flip: true", "rotate: 270"])
-def test_a_face_is_followed_by_a_camera_that_is_turned(mounted: str, tmp_path: Path) -> None:
+def test_rotated_camera_tracks_a_face(mounted: str, tmp_path: Path) -> None:
     text = find_file("robots", "turtlebot2_arm").read_text(encoding="utf-8")
     before, _, after = text.partition("camera:\n")
     robot, mission = tmp_path / "turned.yaml", tmp_path / "look.yaml"

@@ -71,7 +71,7 @@ def robot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Three]:
         yield found
 
 
-def test_the_mission_waits_for_the_port_and_the_gesture_goes_on_where_it_was(robot: Three) -> None:
+def test_gesture_continues_after_the_arm_is_replugged(robot: Three) -> None:
     lifting = Lifting(robot, MISSION)
     lifting.wait_for(15)
     robot.terminal.unplug()
@@ -87,7 +87,7 @@ def test_the_mission_waits_for_the_port_and_the_gesture_goes_on_where_it_was(rob
     assert kinds.index("offline") < len(kinds) - 1 - kinds[::-1].index("online")
 
 
-def test_a_mission_with_a_timeout_fails_by_it_and_says_which(robot: Three) -> None:
+def test_gesture_of_an_unplugged_arm_times_out(robot: Three) -> None:
     lifting = Lifting(robot, MISSION + "  timeout: 3 s\n")
     lifting.wait_for(10)
     robot.terminal.unplug()
@@ -98,7 +98,7 @@ def test_a_mission_with_a_timeout_fails_by_it_and_says_which(robot: Three) -> No
 
 
 @pytest.mark.parametrize("mission", [MISSION, MISSION + "  timeout: 3 s\n"], ids=["interrupted", "timed out"])
-def test_what_could_not_be_relaxed_is_printed_at_the_end(robot: Three, mission: str) -> None:
+def test_unrelaxed_servos_are_printed_at_the_end(robot: Three, mission: str) -> None:
     lifting = Lifting(robot, mission)
     lifting.wait_for(10)
     robot.terminal.unplug()
@@ -107,7 +107,7 @@ def test_what_could_not_be_relaxed_is_printed_at_the_end(robot: Three, mission: 
     assert any("try: switch their power off by hand" in line for line in lifting.process.errors)
 
 
-def test_of_one_lost_servo_only_that_is_named_and_the_others_are_relaxed(robot: Three) -> None:
+def test_only_the_lost_servo_is_left_unrelaxed(robot: Three) -> None:
     lifting = Lifting(robot, MISSION)
     lifting.wait_for(10)
     robot.terminal.call_paused(lambda: setattr(robot.waist, "present", False))

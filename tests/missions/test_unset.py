@@ -83,20 +83,18 @@ def said(tree: str) -> str:
     return ""
 
 
-def test_what_is_not_set_on_every_way_to_its_reader_is_a_mistake_with_the_way() -> None:
+def test_variable_not_set_on_every_path_is_a_mistake() -> None:
     wrong = {
         tree: found for tree, why in TOO_SOON.items() if f"is read here, but it is {why}\n" not in (found := said(tree))
     }
     assert wrong == {}
 
 
-def test_what_may_be_set_or_asks_for_it_or_has_a_way_out_is_left_in_peace() -> None:
+def test_possibly_set_or_tested_variable_is_accepted() -> None:
     assert {tree: found for tree in IN_PEACE if (found := said(tree))} == {}
 
 
-def test_what_a_mission_has_set_before_it_can_fail_is_handed_back(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_submission_returns_variables_set_before_its_failure(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     tree = "{sequence: [{set: {gone: '${way / 2}'}}, {drive: '${gone}'}, {set: {late: 1}}]}"
     Path("try.yaml").write_text(f"mission: try\nparams: {{way: 1 m}}\ntree: {tree}\nreturns: {{gone: gone, to: way}}\n")
@@ -107,12 +105,12 @@ def test_what_a_mission_has_set_before_it_can_fail_is_handed_back(
     assert "not set where 'try' (line 4) fails" in lost
 
 
-def test_what_to_write_is_said() -> None:
+def test_unset_variable_gives_a_hint() -> None:
     hint = "set it before, such as set: {guest: null}, and test it here with if: guest != null"
     assert hint in said("sequence: [{TRIED}, {GREETED}]")
 
 
-def test_verify_shows_a_run_for_each_of_these_mistakes(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_verify_refutes_each_unset_variable(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(document, "check_assignments", lambda *_: None)
     # It knows that the list of a for_each has members, and takes calculations to succeed.
     trees = [tree for tree in TOO_SOON if "for_each" not in tree and "1 / n" not in tree]

@@ -41,7 +41,7 @@ def test_a_text_without_holes_is_no_template(text: str) -> None:
         ("${gone}", None),
     ],
 )
-def test_a_hole_alone_keeps_the_type_of_its_value(text: str, value: object) -> None:
+def test_template_of_one_expression_keeps_its_type(text: str, value: object) -> None:
     found = filled(text)
     assert found == value
     assert type(found) is type(value)
@@ -79,7 +79,7 @@ def test_holes_in_a_text_are_filled_as_a_person_would_write(text: str, value: st
         ("${name._x}", 2, 7, "'_x' is private"),
     ],
 )
-def test_a_hole_that_cannot_be_read_is_told_at_its_place(text: str, column: int, length: int, message: str) -> None:
+def test_template_error_has_its_position(text: str, column: int, length: int, message: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         template(text)
     error = caught.value
@@ -95,7 +95,7 @@ def test_a_text_cannot_be_filled_without_end() -> None:
 
 
 @given(st.text("${}'\"nx ._+", max_size=30))
-def test_any_text_is_a_template_or_not_or_says_where_it_is_wrong(text: str) -> None:
+def test_random_text_is_parsed_or_gives_a_positioned_error(text: str) -> None:
     try:
         found = template(text)
     except ExpressionError as error:
@@ -106,7 +106,7 @@ def test_any_text_is_a_template_or_not_or_says_where_it_is_wrong(text: str) -> N
         assert text[read.column :].startswith(read.name)
 
 
-def test_a_value_waits_for_what_it_reads_and_is_then_converted() -> None:
+def test_value_is_resolved_and_converted() -> None:
     waiting = Value(template=parse("n * 2"), convert=str)
     assert waiting.resolve({"n": 4}) == "8"
     assert Value(template=parse("n * 2")).resolve({"n": 4}) == 8
@@ -131,7 +131,7 @@ def test_a_value_waits_for_what_it_reads_and_is_then_converted() -> None:
         (("a", "b"), "a, b"),
     ],
 )
-def test_values_are_shown_as_a_person_would_write_them(value: object, text: str) -> None:
+def test_values_are_formatted_for_people(value: object, text: str) -> None:
     assert format_value(value) == text
 
 

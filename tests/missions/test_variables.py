@@ -67,14 +67,14 @@ def heard(file: Path, text: str, ticks: int) -> list[tuple[int, str, str, object
     return [(event.tick, event.scope, event.name, event.value) for event in events if isinstance(event, VariableSet)]
 
 
-def test_a_value_that_cannot_be_copied_ends_no_run(told: Told) -> None:
+def test_uncopyable_value_is_reported_without_error(told: Told) -> None:
     told.run.variables["row"] = row = Uncopied([1])
     ((name, value),) = told.news()
     assert name == "row"
     assert value is row
 
 
-def test_a_variable_is_told_when_it_has_another_value(told: Told) -> None:
+def test_variable_is_reported_when_it_changes(told: Told) -> None:
     told.run.variables["count"] = 1
     assert told.news() == [("count", 1)]
     assert told.news() == []
@@ -82,7 +82,7 @@ def test_a_variable_is_told_when_it_has_another_value(told: Told) -> None:
     assert told.news() == [("count", 2)]
 
 
-def test_the_same_number_again_is_no_news_and_the_same_of_another_kind_is(told: Told) -> None:
+def test_equal_value_is_reported_only_with_another_type(told: Told) -> None:
     told.run.variables["x"] = 1.5
     told.news()
     told.run.variables["x"] = 3.0 / 2.0
@@ -93,7 +93,7 @@ def test_the_same_number_again_is_no_news_and_the_same_of_another_kind_is(told: 
     assert told.news() == [("x", True)]
 
 
-def test_what_is_gone_is_told_as_unknown(told: Told) -> None:
+def test_deleted_variable_is_reported_as_none(told: Told) -> None:
     told.run.variables["x"] = 1
     told.news()
     del told.run.variables["x"]
@@ -101,7 +101,7 @@ def test_what_is_gone_is_told_as_unknown(told: Told) -> None:
     assert told.news() == []
 
 
-def test_a_list_is_told_as_it_was_then(told: Told) -> None:
+def test_reported_list_is_a_copy(told: Told) -> None:
     places = [1, 2]
     told.run.variables["places"] = places
     ((_, value),) = told.news()
@@ -114,13 +114,13 @@ def test_the_state_of_the_robot_is_no_variable(told: Told) -> None:
     assert told.news() == []
 
 
-def test_what_is_set_is_told_in_its_tick_and_no_other(tmp_path: Path) -> None:
+def test_variable_is_reported_only_in_the_tick_that_sets_it(tmp_path: Path) -> None:
     steps = ["pretend: [running, success]", "set: {a: '${1 + 1}'}", "wait: 1 min"]
     text = "mission: m\ntree:\n  sequence:\n" + "".join(f"    - {step}\n" for step in steps)
     assert heard(tmp_path / "m.yaml", text, 4) == [(2, "", "a", 2)]
 
 
-def test_params_are_told_once_at_the_start(tmp_path: Path) -> None:
+def test_params_are_reported_once_at_the_start(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("mission: m\nparams: {n: 3}\ntree:\n  pretend: [running, success]\n")
     events: list[Event] = []
     missions.run(tmp_path / "m.yaml", simulate="fast", listeners=[events.append])
@@ -128,7 +128,7 @@ def test_params_are_told_once_at_the_start(tmp_path: Path) -> None:
     assert [event for event in events if isinstance(event, VariableSet)] == [VariableSet(0.0, 0, "", "n", 3)]
 
 
-def test_a_quantity_is_told_with_its_dimension(tmp_path: Path) -> None:
+def test_reported_quantity_has_its_dimension(tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("mission: m\nparams: {far: 30 cm}\ntree:\n  pretend: [running, success]\n")
     events: list[Event] = []
     missions.run(tmp_path / "m.yaml", simulate="fast", listeners=[events.append])
@@ -136,7 +136,7 @@ def test_a_quantity_is_told_with_its_dimension(tmp_path: Path) -> None:
     assert [(event.name, event.value, event.dimension) for event in told] == [("far", 0.3, "length")]
 
 
-def test_a_mission_inside_has_variables_of_its_own(tmp_path: Path) -> None:
+def test_submission_variables_are_reported_with_its_node(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text(
         "mission: inner\nparams: {n: 1}\nreturns: {twice: '${m}'}\ntree:\n  set: {m: '${n * 2}'}\n"
     )
@@ -162,7 +162,7 @@ def test_every_value_has_a_plain_form() -> None:
     assert json_value(HeadPose(0.5, 0.25)) == {"pan": 0.5, "tilt": 0.25}
 
 
-def test_the_member_whose_turn_it_is_is_told_with_its_number(tmp_path: Path) -> None:
+def test_for_each_reports_member_and_number(tmp_path: Path) -> None:
     text = "mission: m\ntree:\n  for_each: {in: [a, b], as: x, number: n, do: {pretend: [running, success]}}\n"
     assert heard(tmp_path / "m.yaml", text, 4) == [
         (1, "", "x", "a"),

@@ -9,7 +9,7 @@ from pathlib import Path
 HOUSE = Path(__file__).parents[2]
 
 
-def test_what_is_not_named_as_allowed_is_refused_by_name(tmp_path: Path) -> None:
+def test_import_linter_names_forbidden_imports(tmp_path: Path) -> None:
     wrong = {
         "behaviours/base.py": "drivers.transport.link",  # a leaf sees parts, and no lines
         "drivers/api/kinds.py": "drivers.table",  # what is declared loads no driver

@@ -11,14 +11,14 @@ from tests.benchmarks.wandering import wander
 @pytest.mark.parametrize(
     ("world", "minutes", "least"), [("living_room", 2.0, 0.15), ("obstacles", 1.0, 0.08), ("corridor", 1.0, 0.15)]
 )
-def test_between_furniture_it_bumps_into_nothing_hard_and_comes_about(world: str, minutes: float, least: float) -> None:
+def test_wander_avoids_hard_bumps_between_furniture(world: str, minutes: float, least: float) -> None:
     walk = wander(1, minutes=minutes, world=world)
     assert walk.result == "success"
     assert max(walk.bumps, default=0.0) <= 0.1
     assert walk.visited >= least
 
 
-def test_without_a_range_finder_it_goes_by_its_bumpers_and_gently() -> None:
+def test_wander_without_a_range_finder_bumps_gently() -> None:
     walk = wander(2, minutes=1.0, world="obstacles", robot="turtlebot2_arm")
     assert walk.result == "success"
     assert walk.bumps
@@ -26,7 +26,7 @@ def test_without_a_range_finder_it_goes_by_its_bumpers_and_gently() -> None:
     assert walk.visited >= 0.03
 
 
-def test_it_keeps_off_the_stairs() -> None:
+def test_wander_avoids_stairs() -> None:
     walk = wander(3, minutes=1.0, world="stairs")
     assert walk.result == "success"
     assert not walk.fell

@@ -95,7 +95,7 @@ class Kennel:
         return [event.detail for event in self.told if isinstance(event, FaultRaised)]
 
 
-def test_every_part_that_moves_is_kept_still_and_no_sentence_is_broken_off() -> None:
+def test_watchdog_stops_every_moving_part_but_not_the_voice() -> None:
     runner = Runner(RunRequest("greet", robot="turtlebot2_arm", simulate="fast", eyes="truth"))
     still = {kind.name for kind in KINDS.values() if kind.hold_still is not None and kind.name in runner.config.parts}
     assert "arm" in still
@@ -107,20 +107,20 @@ def kennel(clock: ManualClock) -> Kennel:
     return Kennel(clock)
 
 
-def test_a_leaf_that_is_quick_is_not_spoken_of(kennel: Kennel) -> None:
+def test_quick_leaf_is_not_reported(kennel: Kennel) -> None:
     for _ in range(20):
         assert kennel.hold(0.1) is RUNNING
     assert (kennel.faults, kennel.kept) == ([], [])
 
 
-def test_a_leaf_that_holds_a_tick_is_reported_by_name_and_line_once(kennel: Kennel) -> None:
+def test_leaf_that_blocks_a_tick_is_reported_once(kennel: Kennel) -> None:
     assert kennel.hold(0.45) is RUNNING
     (fault,) = kennel.faults
     assert fault.startswith("dawdle (line 4) has held a tick for 0.")
     assert kennel.kept == []
 
 
-def test_a_loop_that_stalls_has_the_robot_kept_still_twice_and_no_more(kennel: Kennel) -> None:
+def test_stalled_loop_stops_the_robot_twice(kennel: Kennel) -> None:
     assert kennel.hold(1.8) is RUNNING
     wait_until(lambda: len(kennel.kept) >= 4)
     kennel.hold(0.1)
@@ -141,7 +141,7 @@ def test_a_stall_outside_of_any_leaf_counts_too(kennel: Kennel) -> None:
     assert kennel.faults == ["the executive has held up the robot for 0.55 s: it is kept still"]
 
 
-def test_a_device_that_hangs_keeps_neither_the_watchdog_nor_the_other_parts(clock: ManualClock) -> None:
+def test_hanging_device_blocks_neither_watchdog_nor_other_parts(clock: ManualClock) -> None:
     release = Event()
 
     def stuck() -> None:
@@ -153,7 +153,7 @@ def test_a_device_that_hangs_keeps_neither_the_watchdog_nor_the_other_parts(cloc
     release.set()
 
 
-def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) -> None:
+def test_stalled_leaf_gets_no_permit_until_its_tick_ends(kennel: Kennel) -> None:
     refused: list[str] = []
 
     def drive() -> Status:
@@ -174,25 +174,25 @@ def test_a_stalled_leaf_may_move_nothing_until_its_tick_is_over(kennel: Kennel) 
     assert kennel.leaf.execute_tick() is SUCCESS
 
 
-def test_a_leaf_that_holds_a_tick_for_seconds_has_failed_whatever_it_returns(kennel: Kennel) -> None:
+def test_leaf_that_blocks_a_tick_for_seconds_fails(kennel: Kennel) -> None:
     assert kennel.hold(3.0, then=SUCCESS) is Status.FAILURE
     assert kennel.leaf.reason.startswith("dawdle (line 4): blocked the tick for 2.9")
     assert kennel.hold(0.1, then=SUCCESS) is SUCCESS
 
 
-def test_a_loop_that_never_comes_back_is_given_up(kennel: Kennel) -> None:
+def test_loop_that_never_returns_is_abandoned(kennel: Kennel) -> None:
     kennel.hold(16.0)
     assert kennel.given_up[0] == ("failure", "dawdle (line 4): blocked the tick for over 15 s")
 
 
-def test_a_signal_that_the_loop_reacts_to_ends_nothing(kennel: Kennel) -> None:
+def test_signal_handled_by_the_loop_does_not_end_the_process(kennel: Kennel) -> None:
     kennel.word = "Ctrl-C"
     for _ in range(40):
         kennel.hold(0.1)
     assert kennel.given_up == []
 
 
-def test_a_signal_that_nobody_reacts_to_ends_the_process(kennel: Kennel) -> None:
+def test_unhandled_signal_ends_the_process(kennel: Kennel) -> None:
     kennel.dog.is_armed = False  # whatever the main thread is at: opening, ticking, closing
     kennel.word = "SIGTERM"
     kennel.pass_time(1.9)
@@ -201,14 +201,14 @@ def test_a_signal_that_nobody_reacts_to_ends_the_process(kennel: Kennel) -> None
     assert kennel.given_up[0] == ("interrupted", "SIGTERM")
 
 
-def test_a_process_that_was_stopped_for_an_hour_has_not_stalled(kennel: Kennel) -> None:
+def test_suspended_process_does_not_count_as_stalled(kennel: Kennel) -> None:
     kennel.hold(0.1)
     kennel.clock.advance(3600.0)
     kennel.dog.check()
     assert (kennel.kept, kennel.given_up) == ([], [])
 
 
-def test_the_watchdog_looks_by_itself_and_stops_more_than_once() -> None:
+def test_watchdog_thread_starts_and_stops_repeatedly() -> None:
     run, told = RunState(SystemClock()), list[Told]()
     limits = WatchdogLimits(stall=0.1)
     dog = Watchdog(
@@ -394,7 +394,7 @@ class Held:
         ("leave_when_kept", "kept"),
     ],
 )
-def test_whatever_a_leaf_raises_the_run_fails_with_its_name_and_line(
+def test_raising_leaf_fails_the_run_with_its_name_and_line(
     how: str, reason: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -408,7 +408,7 @@ def test_whatever_a_leaf_raises_the_run_fails_with_its_name_and_line(
     )
 
 
-def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_path: Path) -> None:
+def test_sleeping_leaf_stops_the_base_and_fails_the_run(tmp_path: Path) -> None:
     held = Held(tmp_path, "sleepy")
     try:
         held.wait_for_event("it is kept still")
@@ -422,7 +422,7 @@ def test_a_leaf_that_sleeps_at_the_wheel_stops_the_base_and_fails_the_run(tmp_pa
 
 
 @pytest.mark.parametrize("tree", ["stubborn", "petrified"])
-def test_a_loop_that_hangs_for_good_is_ended_by_a_signal_with_the_base_at_rest(tree: str, tmp_path: Path) -> None:
+def test_signal_ends_a_hanging_loop_with_the_base_stopped(tree: str, tmp_path: Path) -> None:
     held = Held(tmp_path, tree)
     try:
         held.wait_for_event("it is kept still")
@@ -435,7 +435,7 @@ def test_a_loop_that_hangs_for_good_is_ended_by_a_signal_with_the_base_at_rest(t
         held.close()
 
 
-def test_a_slow_tick_does_not_let_the_base_drive_on_at_its_old_speed(tmp_path: Path) -> None:
+def test_base_stays_stopped_after_a_slow_tick(tmp_path: Path) -> None:
     held = Held(tmp_path, "sequence: [{sleepy: , on_failure: succeed}, {wait: 1 s}]")
     try:
         held.wait_for_event("it is kept still")
@@ -448,7 +448,7 @@ def test_a_slow_tick_does_not_let_the_base_drive_on_at_its_old_speed(tmp_path: P
 
 
 @pytest.mark.real_time
-def test_a_run_whose_leaf_ignores_the_signals_is_ended_by_them_all_the_same(tmp_path: Path) -> None:
+def test_signal_ends_a_run_whose_leaf_ignores_signals(tmp_path: Path) -> None:
     held = Held(tmp_path, "deaf")
     try:
         held.wait_for_event("a behaviour had taken SIGINT, SIGTERM, SIGHUP")
@@ -460,7 +460,7 @@ def test_a_run_whose_leaf_ignores_the_signals_is_ended_by_them_all_the_same(tmp_
 
 
 @pytest.mark.parametrize("tree", ["twofold", "heir"])
-def test_a_process_that_a_leaf_forks_ends_and_drives_nothing(tree: str, tmp_path: Path) -> None:
+def test_process_forked_by_a_leaf_ends_without_driving(tree: str, tmp_path: Path) -> None:
     held = Held(tmp_path, tree)
     try:
         child = tmp_path / "child"

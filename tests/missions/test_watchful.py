@@ -24,7 +24,7 @@ QUESTIONS: list[Callable[[Sight], object]] = [
 
 
 @pytest.mark.parametrize("question", QUESTIONS, ids=["faces", "things", "markers", "looked", "scene"])
-def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable[[Sight], object]) -> None:
+def test_sight_query_wakes_the_eyes_and_waits(question: Callable[[Sight], object]) -> None:
     bench, asked, awake = LeafTestBench(), [], [False]
 
     def ask() -> bool:
@@ -39,7 +39,7 @@ def test_each_question_is_told_to_the_eyes_and_waits_for_them(question: Callable
     assert len(asked) == 2
 
 
-def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() -> None:
+def test_condition_waits_for_paused_eyes() -> None:
     bench, awake = LeafTestBench(), [False]
     leaf = bench.put(FaceSeenLeaf("face_seen"))
     leaf.robot = replace(bench.robot, sight_part=OnDemandSight(bench.sight, lambda: awake[0], lambda: awake[0]))
@@ -49,7 +49,7 @@ def test_a_condition_waits_for_the_eyes_before_it_says_that_nobody_is_there() ->
     assert bench.tick(leaf) is FAILURE
 
 
-def test_a_sample_for_the_record_wakes_no_eyes_and_says_whether_they_rest() -> None:
+def test_sample_does_not_wake_the_eyes() -> None:
     bench, asked, awake = LeafTestBench(), [], [True]
 
     def ask() -> bool:

@@ -63,36 +63,36 @@ def refused(order: RunRequest) -> str:
 
 
 @pytest.mark.parametrize("who", ["Ben", "ben", "unknown", ""])
-def test_whom_the_world_has_a_simulated_robot_knows(mission: str, who: str) -> None:
+def test_simulated_robot_knows_the_people_of_its_world(mission: str, who: str) -> None:
     check(RunRequest(mission, {"who": who}, world="two_people"))
 
 
-def test_a_name_that_nobody_in_the_world_has_is_refused_with_those_who_are_known(mission: str) -> None:
+def test_unknown_person_is_refused_with_the_known_names(mission: str) -> None:
     said = refused(RunRequest(mission, {"who": "Nobodyy"}, world="house"))
     assert said == (
         "no person in world 'house' is called 'Nobodyy'; known: Anna, Ben, Chidi\n  try: --world NAME, where they are"
     )
 
 
-def test_a_slip_is_told_of_with_the_name_that_was_meant(mission: str) -> None:
+def test_misspelt_person_gives_a_suggestion(mission: str) -> None:
     assert refused(RunRequest(mission, {"who": "Bne"}, world="two_people")).endswith("did you mean 'Ben'?")
 
 
-def test_all_names_that_are_not_known_are_told_of_and_only_those(mission: str) -> None:
+def test_all_unknown_persons_are_reported(mission: str) -> None:
     said = refused(RunRequest(mission, {"who": "Zoe", "seen": "Yves"}, world="two_people"))
     assert "is called 'Zoe' or 'Yves';" in said
     assert "'Nobody'" not in said  # it stands in a variable, which may hold another by then
 
 
 @pytest.mark.parametrize("world", ["house_empty", "visitor"])
-def test_a_house_whose_people_are_out_can_be_simulated_but_that_is_told(
+def test_world_without_the_named_people_gives_a_warning(
     mission: str, world: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     check(RunRequest(mission, {"who": "Ben"}, world=world))
     assert capsys.readouterr().err == (f"no known person in world '{world}': the robot will not find 'Ben' or 'Anna'\n")
 
 
-def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, people: People) -> None:
+def test_real_robot_knows_the_added_people(mission: str, robot: str, people: People) -> None:
     order = RunRequest(mission, {"who": "Ben"}, robot)
     assert refused(order) == "no person is called 'Ben' or 'Anna'; known: none\n  try: mission person add Ben"
     people.add("Anna", ANNA)
@@ -101,7 +101,7 @@ def test_a_real_robot_knows_those_who_were_added(mission: str, robot: str, peopl
     check(order)
 
 
-def test_who_has_no_pictures_left_is_not_known(mission: str, robot: str, people: People) -> None:
+def test_person_without_pictures_is_unknown(mission: str, robot: str, people: People) -> None:
     (people.folder / "Anna").mkdir(parents=True)
     assert "known: none" in refused(RunRequest(mission, {"who": "Anna"}, robot))
 
@@ -114,12 +114,12 @@ def test_a_true_camera_sees_the_users_people_even_where_the_rest_is_simulated(mi
     )
 
 
-def test_a_name_with_a_blank_can_be_typed_as_the_hint_has_it(mission: str, robot: str, people: People) -> None:
+def test_hint_quotes_a_name_with_a_space(mission: str, robot: str, people: People) -> None:
     assert not people.known_people()
     assert refused(RunRequest(mission, {"who": "Ben Two"}, robot)).endswith("try: mission person add 'Ben Two'")
 
 
-def test_people_who_cannot_be_read_are_told_of(mission: str, robot: str, people: People) -> None:
+def test_unreadable_people_folder_is_reported(mission: str, robot: str, people: People) -> None:
     people.folder.parent.mkdir(parents=True)
     people.folder.write_text("no folder")
     said = refused(RunRequest(mission, {"who": "Anna"}, robot))
@@ -127,7 +127,7 @@ def test_people_who_cannot_be_read_are_told_of(mission: str, robot: str, people:
     assert "try: ls -ld" in said
 
 
-def test_a_mission_that_names_nobody_needs_nobody(robot: str, people: People) -> None:
+def test_mission_without_names_needs_no_known_people(robot: str, people: People) -> None:
     check(RunRequest("greet", {}, robot))
     assert not people.known_people()
 

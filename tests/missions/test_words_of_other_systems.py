@@ -239,7 +239,7 @@ def theirs(requests: Sequence[dict[str, Any]]) -> list[list[Line]]:
 
 
 @needs_it
-def test_a_hint_for_a_word_of_behaviortree_cpp_leads_to_what_that_does() -> None:
+def test_hint_for_a_behaviortree_cpp_word_gives_the_same_behaviour() -> None:
     pairs = [(case, *case.pair(Random(seed))) for case in CASES for seed in SEEDS]  # noqa: S311 - as a test draws
     for (case, tree, request, condition), expected in zip(pairs, theirs([each[2] for each in pairs]), strict=True):
         ours = played(tree, condition, request["ticks"])
@@ -308,7 +308,7 @@ def _scripted(tree: Any, outcomes: dict[str, str]) -> Any:
 
 @needs_it
 @pytest.mark.parametrize("word", RECIPES)
-def test_the_page_says_how_to_write_what_no_word_here_means(word: str) -> None:
+def test_documented_recipe_replaces_a_word_without_equivalent(word: str) -> None:
     recipe, xml = RECIPES[word]
     cases = [Case(word, xml.format(word), ()) for _ in SEEDS]
     requests, ours = [], []
@@ -383,7 +383,7 @@ PY_TREES: dict[str, tuple[Build, Sequence[str], object]] = {
 
 
 @pytest.mark.parametrize("word", PY_TREES)
-def test_a_hint_for_a_word_of_py_trees_leads_to_what_that_does(word: str) -> None:
+def test_hint_for_a_py_trees_word_gives_the_same_behaviour(word: str) -> None:
     build, names, value = PY_TREES[word]
     for seed in SEEDS:
         random = Random(seed)  # noqa: S311 - as a test draws
@@ -494,7 +494,7 @@ def recovering(a: str, b: str) -> Iterator[tuple[str, str]]:
             return
 
 
-def test_the_hint_for_a_recovery_node_does_what_nav2_says() -> None:
+def test_hint_for_recovery_node_behaves_as_in_nav2() -> None:
     for seed in SEEDS:
         random = Random(seed)  # noqa: S311 - as a test draws
         a, b = ("".join(random.choices("RSF", k=random.randint(1, 4))) + "S" for _ in "ab")
@@ -516,7 +516,7 @@ IN_A_ROW = {
 
 
 @pytest.mark.parametrize("word", IN_A_ROW)
-def test_a_condition_before_a_step_keeps_it_from_starting(word: str) -> None:
+def test_condition_before_a_step_prevents_its_start(word: str) -> None:
     tree = {"sequence": [follow(word, [CONDITION]), leaf("a", "S")]}
     waits = IN_A_ROW[word][0] == "R"
     assert played(tree, "F", 3) == [("RUNNING" if waits else "FAILURE", [])] * 3
@@ -527,7 +527,7 @@ def test_a_condition_before_a_step_keeps_it_from_starting(word: str) -> None:
 @pytest.mark.parametrize(
     ("word", "runs"), [("unless", "F"), ("if_not", "F"), ("while_not", "F"), ("when", "S"), ("only_if", "S")]
 )
-def test_a_condition_beside_a_step_is_asked_as_it_says(word: str, runs: str) -> None:
+def test_condition_beside_a_step_is_evaluated(word: str, runs: str) -> None:
     tree = follow(word, [leaf("a", "S")], CONDITION)
     assert played(tree, runs, 1)[0] == ("SUCCESS", ["a S"])
     assert played(tree, "F" if runs == "S" else "S", 1)[0][1] == []
@@ -552,12 +552,12 @@ def test_hint_for_a_recovery_runs_it_between_attempts(word: str) -> None:
 
 
 @pytest.mark.parametrize("word", [*UNMATCHED_WORDS.split(), "SequenceStar", "RateController", "PipelineSequence"])
-def test_a_word_that_nothing_here_means_gets_no_form(word: str) -> None:
+def test_word_without_equivalent_gets_no_form(word: str) -> None:
     assert hint_for(word) == UNMATCHED_HINT
 
 
 @pytest.mark.parametrize("word", ["Timeout", "TimeLimit", "MaxTime"])
-def test_a_time_limit_fails_a_node_that_still_runs(word: str) -> None:
+def test_hint_for_a_time_limit_fails_a_running_node(word: str) -> None:
     assert [status for status, _ in played(follow(word, [leaf("a", "R")], "250 ms"), ticks=4)] == [
         "RUNNING",
         "RUNNING",
@@ -586,7 +586,7 @@ NOTHING = (
 
 
 @pytest.mark.parametrize("word", NOTHING.split())
-def test_a_likeness_of_spelling_leads_to_no_word_that_decides(word: str) -> None:
+def test_similar_spelling_does_not_suggest_a_composite(word: str) -> None:
     assert hint_for(word) == LIST_HINT
 
 
@@ -605,13 +605,13 @@ def test_a_likeness_of_spelling_leads_to_no_word_that_decides(word: str) -> None
         ("parallel_", "parallel"),
     ],
 )
-def test_a_slip_of_the_keyboard_leads_to_a_word_that_decides(slip: str, meant: str) -> None:
+def test_typing_mistake_suggests_a_composite(slip: str, meant: str) -> None:
     assert (
         unknown_word_hint(slip, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False) == f"did you mean '{meant}'?"
     )
 
 
-def test_each_word_of_others_is_answered_in_one_way() -> None:
+def test_synonym_tables_do_not_overlap() -> None:
     tables = [
         set(UNMATCHED_WORDS.split()),
         *({word for words in t.values() for word in words.split()} for t in (PHRASE_SYNONYMS, SYNONYMS)),
@@ -623,7 +623,7 @@ def test_each_word_of_others_is_answered_in_one_way() -> None:
 
 
 @pytest.mark.parametrize("ours", [ours for ours in SYNONYMS if ":" in ours])
-def test_a_word_that_is_proposed_with_a_value_is_right_as_it_stands(ours: str) -> None:
+def test_suggested_word_with_a_value_is_valid(ours: str) -> None:
     node = ours.replace("...", CONDITION).replace("NAME", "name")
     head = node.partition(":")[0]
     node = f"{{drive: 1 m, {node}}}" if head in MODIFIERS else f"{{{node}}}"
@@ -634,7 +634,7 @@ SIGNS = {"back|reverse": "drive: -", "right|[^r]clockwise": "(turn|look): -", "l
 
 
 @pytest.mark.parametrize("names", SIGNS)
-def test_a_word_with_a_direction_leads_there(names: str) -> None:
+def test_synonym_with_a_direction_keeps_the_direction(names: str) -> None:
     led = [(ours, w) for ours, words in SYNONYMS.items() for w in words.split() if re.search(rf"(^|_)({names})", w)]
     led = [(ours, word) for ours, word in led if re.match("drive|turn|look", ours) and "turn_back" not in word]
     assert led

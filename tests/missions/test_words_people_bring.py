@@ -205,7 +205,7 @@ def answer(written: str) -> list[Diagnostic]:
     return []
 
 
-def test_mistakes_of_new_users_are_answered_with_what_to_write() -> None:
+def test_mistakes_of_new_users_give_suggestions() -> None:
     wrong = []
     for written, expected in MISTAKES:
         said = [f"{fault.message} > {fault.suggestion}" for fault in answer(written)]
@@ -258,7 +258,7 @@ NOTHING_LIKE_IT = "cancel ConsumeQueue pan_tilt servo subscribe TickCounter glid
 """Words for which nothing is proposed: what is here means something else, however it is spelt."""
 
 
-def test_words_of_other_programs_are_answered_with_ours_and_its_argument() -> None:
+def test_foreign_word_suggests_ours_with_its_argument() -> None:
     given = {
         word: ours.removesuffix("', beside a behaviour") for ours, words in BROUGHT.items() for word in words.split()
     }
@@ -269,7 +269,7 @@ def test_words_of_other_programs_are_answered_with_ours_and_its_argument() -> No
     assert [word for word in NOTHING_LIKE_IT.split() if meant(word)] == []
 
 
-def test_only_a_word_that_names_a_motion_leads_to_one() -> None:
+def test_only_motion_words_suggest_a_motion() -> None:
     motions = (
         "rotat turn spin forward back move driv go nav cmd_vel twist velocity speed reverse head look joint servo arm"
     )
@@ -280,7 +280,7 @@ def test_only_a_word_that_names_a_motion_leads_to_one() -> None:
     assert [word for word in leading if not any(each in word for each in motions.split())] == []
 
 
-def test_a_mission_of_ones_own_goes_before_a_word_of_another_language(tmp_path: Path) -> None:
+def test_own_mission_takes_precedence_over_a_synonym(tmp_path: Path) -> None:
     (tmp_path / "forward.yaml").write_text("mission: forward\ntree: stop\n", encoding="utf-8")
     with pytest.raises(InvalidFileError) as told:
         check_plan(
@@ -292,7 +292,7 @@ def test_a_mission_of_ones_own_goes_before_a_word_of_another_language(tmp_path: 
     assert told.value.diagnostics[0].suggestion.startswith("it is a mission: write 'mission: forward")
 
 
-def test_a_word_of_another_language_is_one_mistake_and_not_two() -> None:
+def test_foreign_word_is_reported_once() -> None:
     assert len(answer("mission: m\nsteps: [stop]\n")) == 1
     assert len(answer("robot: r\nbase: {type: kobuki, device: /dev/kobuki}\n")) == 2
 
@@ -301,7 +301,7 @@ def meant(word: str) -> str:
     return unknown_word_hint(word, LEAVES, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False)
 
 
-def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
+def test_similar_spelling_never_suggests_a_motion() -> None:
     moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(ACTUATOR_KINDS)]
     strange = (
         "sleep steep sweet loop lock book cook hook took burn torn tune tan clay pray slay "
@@ -314,14 +314,14 @@ def test_a_likeness_of_spelling_alone_never_leads_to_what_moves() -> None:
     assert not [(word, told) for word, told in answers.items() for moves in moving if f"'{moves}'" in told]
 
 
-def test_a_slip_that_may_be_of_another_word_does_not_lead_to_what_moves() -> None:
+def test_ambiguous_typing_mistake_does_not_suggest_a_motion() -> None:
     slips = "lay pay it st wsit arce darc ar lok san seep alk"  # say, if, set, wait, race, dark, as, log, sleep, talk
     moving = [word for word, leaf in LEAVES.items() if leaf.drives.intersection(ACTUATOR_KINDS)]
     answers = {slip: meant(slip) for slip in slips.split()}
     assert not [(slip, told) for slip, told in answers.items() for word in moving if f"'{word}'" in told]
 
 
-def test_a_slip_of_the_keyboard_still_leads_there() -> None:
+def test_clear_typing_mistake_suggests_a_motion() -> None:
     slips = {
         "tunr": "turn",
         "trun": "turn",
@@ -333,7 +333,7 @@ def test_a_slip_of_the_keyboard_still_leads_there() -> None:
     assert {slip: meant(slip) for slip in slips} == {slip: f"did you mean '{word}'?" for slip, word in slips.items()}
 
 
-def test_what_a_synonym_stands_for_is_a_word_of_ours() -> None:
+def test_every_synonym_stands_for_an_existing_word() -> None:
     ours = {*LEAVES, *BRANCHES, *MODIFIERS, *BESIDE_KEYS, *MISSION_KEYS}
     assert not {key_of(word) for word in SYNONYMS} - ours
     read = "\n".join(path.read_text(encoding="utf-8") for path in Path("config").glob("*.py"))
@@ -352,7 +352,7 @@ SLIPS: dict[str, Callable[[str], str]] = {
 }
 
 
-def test_a_slip_in_the_syntax_of_a_mission_that_is_right_is_one_mistake() -> None:
+def test_yaml_syntax_mistake_is_reported_once() -> None:
     random, wrong = Random(7), []  # noqa: S311 - which slips are tried
     files = [path.read_text(encoding="utf-8") for path in shipped_missions().values()]
     for what, slip in SLIPS.items():

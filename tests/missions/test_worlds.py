@@ -46,7 +46,7 @@ def texts(svg: str) -> list[str]:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_every_world_that_ships_can_be_built_and_the_robot_stands_free_in_it(name: str) -> None:
+def test_every_shipped_world_builds_with_a_free_start_pose(name: str) -> None:
     world = build_world(config_of(name))
     start = world.start
     assert world.contact_directions(start.x, start.y, ROBOT_RADIUS, 0.0) == []
@@ -64,7 +64,7 @@ def test_files_and_simulation_mean_the_same() -> None:
     assert config_things.RoverConfig(name="R", marker=1, at=(0, 0)).size == world_objects.Rover("R", 1, 0.0, 0.0).size
 
 
-def test_a_world_is_built_as_its_file_says(tmp_path: Path) -> None:
+def test_world_is_built_from_its_file(tmp_path: Path) -> None:
     file = tmp_path / "hall.yaml"
     file.write_text(
         "world: hall\nstart: {at: [1 m, 1 m], heading: 90 deg}\nlight: [{at: 4 s, light: 50 %}]\n"
@@ -88,7 +88,7 @@ def test_a_world_is_built_as_its_file_says(tmp_path: Path) -> None:
     assert [who.shows_face(0.0, 0.0) for time in (1.0, 3.0) for who in world.people_at(time)] == [True, False]
 
 
-def test_two_worlds_of_one_file_do_not_hear_what_is_said_in_the_other() -> None:
+def test_two_worlds_of_one_file_are_independent() -> None:
     one, other = build_world(config_of("party")), build_world(config_of("party"))
     one.deliver_speech("goodbye", 1.0)
     assert one.people_at(10.0) != other.people_at(10.0)
@@ -115,19 +115,19 @@ def test_a_plan_keeps_the_measures_of_the_room() -> None:
     assert np.ptp(corners, axis=0) == pytest.approx((config.length * UNITS_PER_METRE, config.width * UNITS_PER_METRE))
 
 
-def test_a_walk_is_a_dashed_line_for_each_leg_and_one_for_there_and_back() -> None:
+def test_plan_shows_the_path_of_each_person() -> None:
     world = build_world(config_of("party"))  # Emil goes to two places, Chidi to one and back
     paths = [element for element in elements(plan_svg("party", world)) if element.get("class") == "path"]
     assert len(paths) == 3
     assert plan_svg("party", world) != plan_svg("party", world, time=8.0)
 
 
-def test_a_name_that_means_something_in_xml_does_no_harm() -> None:
+def test_plan_escapes_names() -> None:
     svg = plan_svg('<b> & "c"', SimulatedWorld(start=Pose2D(0.0, 0.0, 0.0)), "<!--")
     assert {'<b> & "c"', "<!--"} <= set(texts(svg))
 
 
-def test_a_world_in_words_tells_of_everything_in_it() -> None:
+def test_world_description_contains_everything() -> None:
     words = "\n".join(describe_world(config_of("party")))
     assert 'on hearing "hello": says "Hello, robot!", nods' in words
     assert "after 20 s: turns away" in words
@@ -136,7 +136,7 @@ def test_a_world_in_words_tells_of_everything_in_it() -> None:
     assert "R2 with marker 7 at [3.2 m, 0.3 m]" in "\n".join(describe_world(config_of("objects")))
 
 
-def test_a_dock_is_in_the_words_the_plan_and_the_map_of_its_world() -> None:
+def test_dock_is_in_description_plan_and_map() -> None:
     config = config_of("square_arena")
     assert "  dock       at [-2.45 m, -1 m], facing 0 deg" in describe_world(config)
     world = build_world(config)
@@ -152,7 +152,7 @@ def test_a_dock_is_in_the_words_the_plan_and_the_map_of_its_world() -> None:
     assert np.abs(changed - middle).max() < 0.6 * scale
 
 
-def test_a_battery_is_in_the_words_of_its_world_and_the_base_gets_it(tmp_path: Path) -> None:
+def test_battery_of_a_world_is_described_and_simulated(tmp_path: Path) -> None:
     file = tmp_path / "hall.yaml"
     for text, words in (
         ("{level: 80 %, drain: 10}", "80 %, empties and fills 10 times as fast as a real one"),
@@ -170,7 +170,7 @@ def test_a_battery_is_in_the_words_of_its_world_and_the_base_gets_it(tmp_path: P
     assert build_battery(config_of("empty").physics) is None
 
 
-def test_the_square_arena_has_room_for_a_square_of_three_metres_and_its_dock_is_heard_from_the_start() -> None:
+def test_square_arena_has_room_and_dock_signals_at_the_start() -> None:
     world = build_world(config_of("square_arena"))
     x, y = world.start.x, world.start.y
     assert all(
@@ -185,7 +185,7 @@ def test_the_square_arena_has_room_for_a_square_of_three_metres_and_its_dock_is_
     assert body.dock_signals()
 
 
-def test_the_corridor_lets_the_robot_pass_straight_on() -> None:
+def test_corridor_lets_the_robot_pass_straight() -> None:
     world = build_world(config_of("corridor"))
     assert all(world.contact_directions(x, 0.0, ROBOT_RADIUS + 0.1, 0.0) == [] for x in np.linspace(0.0, 6.5, 66))
     assert world.contact_directions(2.0, 0.3, ROBOT_RADIUS, 0.0)
@@ -194,7 +194,7 @@ def test_the_corridor_lets_the_robot_pass_straight_on() -> None:
 # mission show
 
 
-def test_without_a_file_a_world_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_show_describes_a_world_without_an_output_file(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "show", "stairs")
     assert outcome.code == 0
     assert outcome.out.startswith("stairs: The floor ends")
@@ -202,9 +202,7 @@ def test_without_a_file_a_world_is_told_in_words(capsys: pytest.CaptureFixture[s
     assert outcome.out.endswith("To draw it: mission show stairs -o stairs.svg\n")
 
 
-def test_a_world_is_drawn_as_a_plan_a_map_and_as_the_camera_sees_it(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_show_draws_a_world_as_plan_map_and_camera_view(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     svg, png, view = (str(tmp_path / name) for name in ("plan.svg", "plan.png", "view.png"))
     assert command(capsys, "show", "party", "-o", svg).code == 0
     assert command(capsys, "show", "party", "-o", png, "--at", "6 s").code == 0
@@ -219,7 +217,7 @@ def test_a_world_is_drawn_as_a_plan_a_map_and_as_the_camera_sees_it(
     assert seen.shape == (480, 640, 3)
 
 
-def test_without_its_extra_a_plan_as_png_says_what_to_install(
+def test_png_plan_without_its_extra_gives_an_install_hint(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
@@ -239,7 +237,7 @@ def test_without_its_extra_a_plan_as_png_says_what_to_install(
         (("prty",), "did you mean 'party'?"),
     ],
 )
-def test_what_cannot_be_drawn_is_said(
+def test_show_refuses_undrawable_things(
     capsys: pytest.CaptureFixture[str], arguments: tuple[str, ...], said: str
 ) -> None:
     outcome = command(capsys, "show", *arguments)
@@ -247,7 +245,7 @@ def test_what_cannot_be_drawn_is_said(
     assert said in outcome.err
 
 
-def test_a_world_that_is_wrong_is_shown_with_its_place(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_show_reports_mistakes_in_a_world_file(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     file = tmp_path / "hall.yaml"
     file.write_text("world: hall\npeople:\n  - {name: Anna, at: [9 m, 0 m]}\n", encoding="utf-8")
     outcome = command(capsys, "show", str(file))

@@ -27,7 +27,7 @@ def test_a_known_lens_is_recovered_within_a_hundredth(pictures: list[Image]) -> 
     assert 0.3 < found.nearest < found.farthest < 0.65
 
 
-def test_with_it_directions_are_right_to_a_third_of_a_degree(pictures: list[Image]) -> None:
+def test_calibrated_directions_are_accurate_to_a_third_of_a_degree(pictures: list[Image]) -> None:
     views = BoardViews(BOARD)
     for picture in pictures:
         views.add(picture)

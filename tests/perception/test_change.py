@@ -30,37 +30,37 @@ def motions(person: Person, yaw: Callable[[float], float], *, light: float | Lig
     return found[1:]
 
 
-def test_nothing_moves_where_all_stands_still() -> None:
+def test_still_scene_has_no_motion() -> None:
     assert max(motions(STANDS, lambda _: 0.0)) < 0.001
 
 
 @pytest.mark.parametrize("light", [1.0, 0.4])
-def test_somebody_who_walks_by_is_motion(light: float) -> None:
+def test_walking_person_is_motion(light: float) -> None:
     assert np.median(motions(WALKS, lambda _: 0.0, light=light)) > 0.004
 
 
 @pytest.mark.parametrize(("speed", "most"), [(10, 0.006), (30, 0.008), (60, 0.015)])
-def test_of_a_head_that_turns_little_is_left(speed: float, most: float) -> None:
+def test_head_turn_leaves_little_motion(speed: float, most: float) -> None:
     assert np.median(motions(STANDS, lambda time: radians(speed) * (time - 0.5))) < most
 
 
-def test_somebody_who_walks_by_is_motion_while_the_head_turns() -> None:
+def test_walking_person_is_motion_during_a_head_turn() -> None:
     turning = [motions(who, lambda time: radians(30) * (time - 0.5)) for who in (WALKS, STANDS)]
     assert np.median(turning[0]) > 2 * np.median(turning[1])
 
 
-def test_light_that_fades_is_no_motion() -> None:
+def test_fading_light_is_not_motion() -> None:
     assert max(motions(STANDS, lambda _: 0.0, light=Light(1.0, (LightChange(0.2, 0.4, duration=0.6),)))) < 0.005
 
 
-def test_a_view_that_has_nothing_in_common_with_the_last_is_no_motion() -> None:
+def test_unrelated_view_is_not_motion() -> None:
     random, sense = np.random.default_rng(1), MotionSense()
     for number in range(3):
         other = np.kron(random.integers(0, 256, (24, 32, 3), np.uint8), np.ones((20, 20, 1), np.uint8))
         assert sense.measure(frame(other, number / 20)).motion == 0.0
 
 
-def test_a_camera_that_changes_its_size_begins_anew() -> None:
+def test_changed_picture_size_restarts_the_motion_sense() -> None:
     sense = MotionSense()
     for number, shape in enumerate([(480, 640, 3), (240, 320, 3), (60, 80, 3), (60, 80, 3), (3, 3, 3)]):
         scene = sense.measure(frame(np.full(shape, 90, np.uint8), number / 20))

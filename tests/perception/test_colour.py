@@ -25,21 +25,19 @@ def named(picture: Image) -> str | None:
 
 @pytest.mark.parametrize("name", HUES)
 @pytest.mark.parametrize("light", [1.0, 0.6, 0.3])
-def test_a_colour_has_its_name_however_bright_it_is(name: str, light: float) -> None:
+def test_colour_name_is_independent_of_brightness(name: str, light: float) -> None:
     red, green, blue = COLOURS[name]
     assert named(plain(red * light, green * light, blue * light)) == name
 
 
 @given(st.integers(0, 255), st.integers(-3, 3))
-def test_what_is_grey_has_no_hue(level: int, tint: int) -> None:
+def test_grey_has_no_hue(level: int, tint: int) -> None:
     assert named(plain(level, level, min(max(level + tint, 0), 255))) not in HUES
 
 
 @pytest.mark.parametrize("tint", [(1.0, 0.85, 0.62), (0.72, 0.9, 1.0), (1.0, 1.0, 1.0)])
 @pytest.mark.parametrize("name", HUES)
-def test_in_warm_and_cold_light_a_thing_before_a_wall_keeps_its_colour(
-    name: str, tint: tuple[float, float, float]
-) -> None:
+def test_colour_is_kept_in_warm_and_cold_light(name: str, tint: tuple[float, float, float]) -> None:
     scene = np.full((64, 64, 3), 200.0)
     scene[24:40, 24:40] = COLOURS[name][::-1]
     lit = np.asarray(np.rint(scene * tint[::-1]), np.uint8)
@@ -48,7 +46,7 @@ def test_in_warm_and_cold_light_a_thing_before_a_wall_keeps_its_colour(
     assert labels[0, 0] not in [PALETTE.names.index(hue) for hue in HUES]
 
 
-def test_the_colour_of_wood_is_not_that_of_the_red_or_orange_thing_on_it() -> None:
+def test_wood_is_neither_red_nor_orange() -> None:
     for wood in ((142, 116, 88), (123, 84, 52), (160, 110, 70), (96, 60, 40)):
         assert named(plain(*wood)) not in HUES
 

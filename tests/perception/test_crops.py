@@ -37,7 +37,7 @@ def brightest(shown: GreyImage) -> tuple[float, float]:
 
 
 @given(st.floats(0.3, 3.0), st.floats(-0.4, 0.4), st.floats(-0.4, 0.4))
-def test_what_is_in_a_box_comes_to_lie_in_the_same_place_whatever_its_size(size: float, x: float, y: float) -> None:
+def test_crop_is_independent_of_the_face_size(size: float, x: float, y: float) -> None:
     face = Box(200.0, 150.0, 100 * size, 100 * size)
     across, down = face.centre[0] + x * face.width, face.centre[1] + y * face.height
     picture = np.zeros((600, 700, 3), np.uint8)
@@ -49,23 +49,21 @@ def test_what_is_in_a_box_comes_to_lie_in_the_same_place_whatever_its_size(size:
     assert brightest(shown) == pytest.approx(wanted, abs=2.0)
 
 
-def test_a_crop_is_turned_and_enlarged_about_its_middle() -> None:
+def test_crop_is_rotated_and_scaled_about_its_middle() -> None:
     right = dots((FACE.centre[0] + 25, FACE.centre[1] + CENTRE_DROP * 100))
     middle, apart = (CROP_SIDE - 1) / 2, 25 * CROP_SIDE / CROP_REACH / 100
     assert brightest(crop_face(right, FACE)) == pytest.approx((middle + apart, middle), abs=1.0)
     assert brightest(crop_face(right, FACE, roll=90)) == pytest.approx((middle, middle - apart), abs=1.0)
 
 
-def test_a_box_that_shows_nothing_is_refused() -> None:
+def test_empty_box_is_refused() -> None:
     for box in (Box(700, 700, 50, 50), Box(10, 10, 0, 0)):
         with pytest.raises(ValueError, match="shows nothing"):
             crop_face(dots(), box)
 
 
 @given(st.floats(20, 600), st.floats(-0.02, 1.0), st.floats(-0.02, 1.0))
-def test_a_portrait_has_the_face_in_its_middle_also_at_the_edge_of_the_picture(
-    width: float, x: float, y: float
-) -> None:
+def test_portrait_is_centred_on_the_face_even_at_the_edge(width: float, x: float, y: float) -> None:
     face = Box(x * 300, y * 200, width, width)
     kept = make_portrait(dots(face.centre), face)
     assert kept.shape[0] == kept.shape[1] <= round(PORTRAIT_MARGIN * MAX_FACE_PIXELS)
@@ -74,7 +72,7 @@ def test_a_portrait_has_the_face_in_its_middle_also_at_the_edge_of_the_picture(
     assert place.centre == (kept.shape[1] / 2, kept.shape[0] / 2)
 
 
-def test_nothing_of_the_picture_but_the_face_and_a_little_around_it_is_kept() -> None:
+def test_portrait_contains_only_the_face() -> None:
     kept = make_portrait(dots((250, 200), (450, 200), (250, 40)), FACE)
     assert kept.max() > 200
     bright = cv2.connectedComponents((kept[:, :, 0] > 128).astype(np.uint8))[0] - 1

@@ -3,5 +3,5 @@
 from tests.benchmarks.crossing import crossing, kept
 
 
-def test_two_who_walk_past_each_other_keep_their_ids() -> None:
+def test_crossing_people_keep_their_ids() -> None:
     assert sum(kept(crossing(seed)) for seed in (2, 4, 6, 11)) >= 3

@@ -28,7 +28,7 @@ def brightest(shown: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> Box:
 
 @pytest.mark.parametrize("roll", [0.0, radians(22), radians(-40)])
 @pytest.mark.parametrize("scale", [0.5, 1.0, 1.5])
-def test_what_is_found_in_a_whole_picture_lies_where_it_was(scale: float, roll: float) -> None:
+def test_detection_in_a_prepared_picture_maps_back(scale: float, roll: float) -> None:
     cut = prepare_picture(picture(), scale, roll)
     found = cut.to_detection(brightest(cut.image), 1.0)
     assert found.box.centre == pytest.approx(SPOT, abs=3)
@@ -36,18 +36,18 @@ def test_what_is_found_in_a_whole_picture_lies_where_it_was(scale: float, roll: 
 
 
 @pytest.mark.parametrize("roll", [0.0, radians(22), radians(-40)])
-def test_what_is_found_around_a_place_lies_where_it_was(roll: float) -> None:
+def test_detection_in_a_prepared_region_maps_back(roll: float) -> None:
     cut = prepare_region(picture(), Box(170, 90, 50, 50), 1.7, 64, roll)
     assert cut is not None
     assert cut.to_detection(brightest(cut.image), 1.0).box.centre == pytest.approx(SPOT, abs=3)
 
 
-def test_around_what_is_not_in_the_picture_there_is_nothing() -> None:
+def test_region_outside_the_picture_is_none() -> None:
     assert prepare_region(picture(), Box(-900, 0, 50, 50), 1.7, 64) is None
     assert prepare_region(picture(), Box(20, 20, 0, 0), 1.7, 64) is None
 
 
-def test_a_dark_picture_becomes_as_bright_as_others_and_any_other_stays_as_it_is() -> None:
+def test_dark_picture_is_brightened_and_others_are_unchanged() -> None:
     dark = np.asarray(picture() // 12, np.uint8)
     assert 190 <= brighten(dark).max() <= 255
     assert brighten(picture()) is not None

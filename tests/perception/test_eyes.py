@@ -124,7 +124,7 @@ def test_faces_come_with_the_gaze_at_the_time_of_their_frame(eyes: Eyes, watch: 
     assert face.yaw == pytest.approx(1.0)
 
 
-def test_each_frame_is_told_of_and_wakes_the_waiting(eyes: Eyes, watch: Watch) -> None:
+def test_each_frame_calls_back_and_notifies(eyes: Eyes, watch: Watch) -> None:
     eyes.open()
     for stamp in (3.0, 3.1):
         watch.source.queue.put(Picture(stamp))
@@ -160,7 +160,7 @@ def test_a_failing_camera_is_reported_and_read_again(eyes: Eyes, watch: Watch) -
     assert [str(trouble) for trouble in watch.troubles] == ["camera: unplugged"]
 
 
-def test_a_listener_that_fails_does_not_blind_the_robot(watch: Watch) -> None:
+def test_failing_callback_does_not_stop_the_eyes(watch: Watch) -> None:
     def fail(*_: object) -> None:
         raise ValueError("the listener is ill")
 
@@ -195,7 +195,7 @@ def test_closed_eyes_can_be_opened_again(eyes: Eyes, watch: Watch) -> None:
     until(lambda: eyes.looked() == 8.0)
 
 
-def test_what_frames_show_as_a_whole_is_measured_from_the_first_question_on(watch: Watch) -> None:
+def test_scene_is_measured_from_the_first_request_on(watch: Watch) -> None:
     views: list[View] = []
     vision = watch.eyes(on_view=views.append).vision
     vision.see(Picture(1.0))
@@ -205,7 +205,7 @@ def test_what_frames_show_as_a_whole_is_measured_from_the_first_question_on(watc
     assert [view.scene.stamp for view in views if view.scene] == [2.0]
 
 
-def test_what_each_frame_shows_as_a_whole_comes_with_its_stamp(eyes: Eyes, watch: Watch) -> None:
+def test_scene_has_the_stamp_of_its_frame(eyes: Eyes, watch: Watch) -> None:
     assert eyes.vision.scene() is None
     eyes.open()
     watch.source.queue.put(Picture(3.0, np.full((480, 640, 3), 40, dtype=np.uint8)))

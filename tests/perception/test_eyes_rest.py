@@ -81,7 +81,7 @@ def robot() -> Iterator[Robot]:
     robot.eyes.close()
 
 
-def test_eyes_that_somebody_asks_go_on_looking(robot: Robot) -> None:
+def test_queried_eyes_stay_awake(robot: Robot) -> None:
     for _ in range(3):
         robot.clock.advance(0.9 * REST_AFTER)
         assert robot.eyes.is_awake()
@@ -90,7 +90,7 @@ def test_eyes_that_somebody_asks_go_on_looking(robot: Robot) -> None:
     assert robot.begun_afresh == 0
 
 
-def test_eyes_that_nobody_asks_read_no_pictures_until_somebody_does(robot: Robot) -> None:
+def test_eyes_without_queries_stop_reading_pictures(robot: Robot) -> None:
     robot.until_searched(4)
     robot.fall_asleep()
     read = robot.camera.read_so_far
@@ -105,7 +105,7 @@ def test_eyes_that_nobody_asks_read_no_pictures_until_somebody_does(robot: Robot
     assert robot.begun_afresh == 1
 
 
-def test_nobody_waits_for_long_for_eyes_without_pictures(robot: Robot) -> None:
+def test_wake_gives_up_without_pictures(robot: Robot) -> None:
     robot.until_searched(4)
     robot.fall_asleep()
     robot.camera.there = False
@@ -121,7 +121,7 @@ def test_eyes_at_rest_are_closed_at_once(robot: Robot) -> None:
     robot.eyes.close()
 
 
-def test_eyes_that_may_not_rest_never_do(robot: Robot) -> None:
+def test_eyes_with_may_rest_off_never_rest(robot: Robot) -> None:
     robot.eyes.may_rest = False
     robot.clock.advance(10 * REST_AFTER)
     robot.until_searched(4)

@@ -113,7 +113,7 @@ def watch(looker: Looker, film: Film, opened: list[Eyes]) -> list[int]:
     return looker.seen
 
 
-def test_where_nobody_is_every_fourth_picture_of_thirty_a_second_is_read(opened: list[Eyes]) -> None:
+def test_every_fourth_picture_is_read_in_an_empty_scene(opened: list[Eyes]) -> None:
     film = Skippable(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL)
     seen = watch(Looker(film, FaceFinder(nobody())), film, opened)
     assert seen[:EAGER] == list(range(EAGER))
@@ -122,14 +122,14 @@ def test_where_nobody_is_every_fourth_picture_of_thirty_a_second_is_read(opened:
     assert film.read_of == seen
 
 
-def test_a_source_that_cannot_skip_is_read_and_what_would_go_by_is_not_searched(opened: list[Eyes]) -> None:
+def test_unskippable_source_is_read_without_extra_searches(opened: list[Eyes]) -> None:
     skippable, plain = Skippable(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL), Film(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL)
     seen = watch(Looker(skippable, FaceFinder(nobody())), skippable, opened)
     assert watch(Looker(plain, FaceFinder(nobody())), plain, opened) == seen
     assert plain.read_of == list(range(plain.length))
 
 
-def test_no_search_is_missed_by_what_goes_by(opened: list[Eyes]) -> None:
+def test_skipped_pictures_miss_no_search(opened: list[Eyes]) -> None:
     shown, spared = nobody(), nobody()
     film = Skippable(EAGER + 8 * LONG_EMPTY_SEARCH_INTERVAL)
     watch(Looker(film, FaceFinder(spared)), film, opened)
@@ -145,19 +145,19 @@ def test_of_a_slow_camera_every_picture_is_read(opened: list[Eyes]) -> None:
     assert film.read_of == list(range(film.length))
 
 
-def test_while_the_camera_turns_and_its_delay_is_learnt_none_goes_by(opened: list[Eyes]) -> None:
+def test_no_picture_is_skipped_while_the_delay_is_learnt(opened: list[Eyes]) -> None:
     film = Skippable(EAGER + 4 * LONG_EMPTY_SEARCH_INTERVAL)
     watch(Looker(film, FaceFinder(nobody()), turning=True), film, opened)
     assert film.read_of == list(range(film.length))
 
 
-def test_while_things_are_looked_for_none_goes_by(opened: list[Eyes]) -> None:
+def test_no_picture_is_skipped_while_objects_are_searched(opened: list[Eyes]) -> None:
     film = Skippable(EAGER + 4 * LONG_EMPTY_SEARCH_INTERVAL)
     watch(Looker(film, FaceFinder(nobody()), wanted=True), film, opened)
     assert film.read_of == list(range(film.length))
 
 
-def test_a_scene_that_was_measured_holds_for_a_fifth_of_a_second() -> None:
+def test_scene_measurement_is_reused_for_0_2_seconds() -> None:
     vision = Looker(Film(0), FaceFinder(nobody())).eyes.vision
     vision.see(Picture(0, np.full((48, 64, 3), 10, np.uint8), 10.0))
     scenes = [vision.scene()]
@@ -198,7 +198,7 @@ class Walker:
         return spared
 
 
-def test_of_a_face_that_stays_every_other_frame_is_spared_and_no_search_is_missed() -> None:
+def test_every_other_frame_of_a_still_face_is_skipped() -> None:
     plain, spared = Walker(0.0), Walker(0.0)
     assert set(plain.watched(120, 0)) == {0}
     found = spared.watched(120, 3)
@@ -207,7 +207,7 @@ def test_of_a_face_that_stays_every_other_frame_is_spared_and_no_search_is_misse
     assert spared.searches == plain.searches
 
 
-def test_of_a_face_that_walks_none_is_spared() -> None:
+def test_no_frame_of_a_walking_face_is_skipped() -> None:
     assert set(Walker(5.0).watched(40, 3)) == {0}
 
 

@@ -28,7 +28,7 @@ def test_a_quarter_of_the_light_is_enough(astronaut: Image) -> None:
     assert face.box.overlap(FACE) > 0.6
 
 
-def test_a_huge_picture_gives_its_boxes_in_its_own_pixels(astronaut: Image) -> None:
+def test_boxes_of_a_huge_picture_are_in_its_pixels(astronaut: Image) -> None:
     huge = np.asarray(cv2.resize(astronaut, None, fx=5, fy=5, interpolation=cv2.INTER_CUBIC), dtype=np.uint8)
     (face,) = HaarFaceDetector().detect(huge)
     assert face.box.overlap(Box(FACE.x * 5, FACE.y * 5, FACE.width * 5, FACE.height * 5)) > 0.6
@@ -54,7 +54,7 @@ def test_each_portrait_has_exactly_one_face(footage: Path, name: str) -> None:
     assert len(HaarFaceDetector().detect(np.asarray(picture, dtype=np.uint8))) == 1
 
 
-def test_near_finds_a_face_that_moved_a_little(astronaut: Image) -> None:
+def test_detect_near_finds_a_slightly_moved_face(astronaut: Image) -> None:
     moved = HaarFaceDetector().detect_near(astronaut, Box(FACE.x + 15, FACE.y - 10, 90, 90))
     assert moved is not None
     assert moved.box.overlap(FACE) > 0.7
@@ -63,11 +63,11 @@ def test_near_finds_a_face_that_moved_a_little(astronaut: Image) -> None:
 @pytest.mark.parametrize(
     "box", [Box(350, 350, 97, 97), Box(-500, 0, 97, 97), Box(510, 510, 40, 40), Box(100, 100, 0, 0)]
 )
-def test_near_finds_nothing_where_there_is_no_face(astronaut: Image, box: Box) -> None:
+def test_detect_near_finds_nothing_without_a_face(astronaut: Image, box: Box) -> None:
     assert HaarFaceDetector().detect_near(astronaut, box) is None
 
 
-def test_other_cascades_bear_a_face_out_and_not_what_is_none(astronaut: Image) -> None:
+def test_confirmation_accepts_a_face_and_rejects_other_boxes(astronaut: Image) -> None:
     assert HaarFaceDetector().is_confirmed(astronaut, FACE)
     assert not HaarFaceDetector().is_confirmed(astronaut, Box(350, 350, 97, 97))
     assert not HaarFaceDetector().is_confirmed(astronaut, Box(-500, 0, 97, 97))
@@ -75,12 +75,12 @@ def test_other_cascades_bear_a_face_out_and_not_what_is_none(astronaut: Image) -
 
 
 @pytest.mark.parametrize("shape", [(0, 0, 3), (10, 10, 4), (10,)])
-def test_what_is_no_picture_is_refused_with_its_shape(shape: tuple[int, ...]) -> None:
+def test_malformed_picture_is_refused_with_its_shape(shape: tuple[int, ...]) -> None:
     with pytest.raises(ValueError, match="picture: expected"):
         HaarFaceDetector().detect(np.zeros(shape, dtype=np.uint8))
 
 
-def test_a_missing_cascade_says_what_to_install(monkeypatch: pytest.MonkeyPatch, astronaut: Image) -> None:
+def test_missing_cascade_gives_an_install_hint(monkeypatch: pytest.MonkeyPatch, astronaut: Image) -> None:
     monkeypatch.setattr(faces, "CASCADE", "nowhere.xml")
     with pytest.raises(FileNotFoundError, match=r"nowhere.xml is missing\n  try: pip install"):
         HaarFaceDetector().detect(astronaut)
@@ -93,9 +93,7 @@ def turned(picture: Image, degrees: float) -> Image:
 
 
 @pytest.mark.parametrize("side", [-1, 1])
-def test_a_head_that_leans_is_found_borne_out_and_told_as_leaning_where_that_is_asked_for(
-    astronaut: Image, side: int
-) -> None:
+def test_leaning_head_is_found_with_its_roll(astronaut: Image, side: int) -> None:
     picture, faces = turned(astronaut, side * 30), HaarFaceDetector()
     assert faces.detect(picture, smallest=50) == []
     (face,) = faces.detect(picture, smallest=50, roll=side * ROLL_STEP)
@@ -105,7 +103,7 @@ def test_a_head_that_leans_is_found_borne_out_and_told_as_leaning_where_that_is_
     assert not faces.is_confirmed(picture, face.box)
 
 
-def test_a_known_head_is_found_again_where_it_begins_to_lean(astronaut: Image) -> None:
+def test_known_head_is_found_again_when_leaning(astronaut: Image) -> None:
     (again,) = HaarFaceDetector().detect_leaning(turned(astronaut, 30), Detection(FACE, 1.0))
     assert again.roll == ROLL_STEP
 

@@ -62,7 +62,7 @@ def test_a_walking_face_is_covered_in_every_frame(scene: "Scene") -> None:
     assert detector.regions <= 12
 
 
-def test_searches_grow_rarer_and_between_them_a_face_is_marked_as_carried(scene: "Scene") -> None:
+def test_searches_become_rarer_and_faces_are_carried_between(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector(), confirm_interval=4)
     found = [finder.find(scene((200 + 4 * step, 240))[0])[0].found for step in range(10)]
     assert found == [True, True, False, True, False, True, False, False, False, True]
@@ -78,14 +78,14 @@ def test_a_jump_in_the_film_finds_the_face_again_at_once(scene: "Scene") -> None
     assert sighting.detection.box.overlap(true) > 0.5
 
 
-def test_a_face_that_left_is_gone_in_the_same_frame(scene: "Scene") -> None:
+def test_departed_face_is_gone_in_the_same_frame(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector())
     for _ in range(4):
         finder.find(scene((320, 240))[0])
     assert finder.find(wall()) == []
 
 
-def test_a_face_that_turned_aside_is_carried_for_a_while_and_then_given_up(scene: "Scene") -> None:
+def test_averted_face_is_carried_for_a_while(scene: "Scene") -> None:
     detector = Counting()
     finder = FaceFinder(detector, confirm_interval=3, max_misses=2)
     picture, _ = scene((320, 240))
@@ -136,7 +136,7 @@ def haunted() -> Doubtful:
     return detector
 
 
-def test_what_no_witness_sees_is_never_told_of_however_often_it_is_found() -> None:
+def test_unconfirmed_detection_is_never_reported() -> None:
     detector, tracker = haunted(), Tracker[Face]()
     finder, picture, told = FaceFinder(detector), wall(), 0
     for step in range(60):
@@ -146,7 +146,7 @@ def test_what_no_witness_sees_is_never_told_of_however_often_it_is_found() -> No
     assert told == 0
 
 
-def test_a_face_that_witnesses_see_is_told_of_in_the_second_frame() -> None:
+def test_confirmed_face_is_reported_in_the_second_frame() -> None:
     detector, tracker = haunted(), Tracker[Face]()
     detector.said = True
     finder, picture = FaceFinder(detector), wall()
@@ -154,7 +154,7 @@ def test_a_face_that_witnesses_see_is_told_of_in_the_second_frame() -> None:
     assert told == [0, 1, 1]
 
 
-def test_witnesses_who_agreed_by_chance_once_are_outvoted() -> None:
+def test_accidental_confirmation_is_outvoted() -> None:
     detector = haunted()
     detector.said = True
     finder, picture = FaceFinder(detector), wall()
@@ -163,7 +163,7 @@ def test_witnesses_who_agreed_by_chance_once_are_outvoted() -> None:
     assert not any(sighting.found for _ in range(30) for sighting in finder.find(picture))
 
 
-def test_the_longer_a_face_was_borne_out_the_longer_flow_may_carry_it(scene: "Scene") -> None:
+def test_longer_confirmed_face_is_carried_longer(scene: "Scene") -> None:
     picture, _ = scene((320, 240))
     carried = []
     for frames in (1, 4):
@@ -176,7 +176,7 @@ def test_the_longer_a_face_was_borne_out_the_longer_flow_may_carry_it(scene: "Sc
     assert carried == [0, 10]
 
 
-def test_where_nobody_is_the_effort_falls_to_an_eighth_and_a_loss_brings_it_back(scene: "Scene") -> None:
+def test_search_effort_falls_to_an_eighth_in_an_empty_scene(scene: "Scene") -> None:
     detector = Counting()
     finder = FaceFinder(detector)
     empty = wall()
@@ -191,14 +191,14 @@ def test_where_nobody_is_the_effort_falls_to_an_eighth_and_a_loss_brings_it_back
     assert detector.whole >= before + 4
 
 
-def test_a_head_that_was_turned_away_at_first_is_seen_soon_after_it_turns(scene: "Scene") -> None:
+def test_turning_head_is_found_soon(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector())
     empty, (picture, _) = wall(), scene((320, 240))
     assert not any(finder.find(np.roll(empty, 5 * n, axis=1)) for n in range(4))
     assert [len(finder.find(picture)) for _ in range(3)][-1] == 1
 
 
-def test_dear_searches_are_made_half_as_often_where_nobody_is() -> None:
+def test_costly_searches_are_half_as_frequent_in_an_empty_scene() -> None:
     detector = Doubtful()
     detector.blind = detector.costly = True
     finder, empty = FaceFinder(detector), wall()
@@ -207,7 +207,7 @@ def test_dear_searches_are_made_half_as_often_where_nobody_is() -> None:
     assert detector.whole == 5
 
 
-def test_two_who_come_at_once_one_near_and_one_far_are_both_seen_by_the_second_frame(scene: "Scene") -> None:
+def test_near_and_far_faces_are_both_found_by_the_second_frame(scene: "Scene") -> None:
     near, _ = scene((150, 240))
     far, _ = scene((500, 240), size=0.4)
     near[:, 330:] = far[:, 330:]
@@ -215,7 +215,7 @@ def test_two_who_come_at_once_one_near_and_one_far_are_both_seen_by_the_second_f
     assert [len(finder.find(near)) for _ in range(2)][-1] == 2
 
 
-def test_a_newcomer_is_found_while_another_is_followed(scene: "Scene") -> None:
+def test_newcomer_is_found_while_another_face_is_tracked(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector(), newcomer_interval=6)
     for _ in range(3):
         assert len(finder.find(scene((150, 240))[0])) == 1
@@ -226,7 +226,7 @@ def test_a_newcomer_is_found_while_another_is_followed(scene: "Scene") -> None:
     assert all(max(box.overlap(true) for box in boxes) > 0.5 for true in (old, new))
 
 
-def test_two_who_meet_do_not_stay_two_boxes_on_one_face(scene: "Scene") -> None:
+def test_meeting_faces_do_not_leave_two_boxes_on_one_face(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector())
     for x in range(0, 161, 8):
         seen = finder.find(scene((160 + x, 240), (480 - x, 240))[0])
@@ -236,7 +236,7 @@ def test_two_who_meet_do_not_stay_two_boxes_on_one_face(scene: "Scene") -> None:
     assert len(seen) == 1
 
 
-def test_of_three_who_walk_all_are_covered_and_flow_carries_the_smaller_ones_half_as_often(
+def test_three_walking_faces_are_covered_with_less_flow_for_small_ones(
     scene: "Scene", monkeypatch: pytest.MonkeyPatch
 ) -> None:
     carried: list[float] = []
@@ -255,7 +255,7 @@ def test_of_three_who_walk_all_are_covered_and_flow_carries_the_smaller_ones_hal
     assert len(carried) < 0.8 * 3 * 39
 
 
-def test_a_search_of_the_whole_picture_spares_those_of_known_faces(scene: "Scene") -> None:
+def test_whole_picture_search_replaces_searches_of_known_faces(scene: "Scene") -> None:
     detector = Counting()
     finder = FaceFinder(detector, confirm_interval=3, newcomer_interval=3)
     picture, _ = scene((150, 240), (480, 260))
@@ -264,7 +264,7 @@ def test_a_search_of_the_whole_picture_spares_those_of_known_faces(scene: "Scene
     assert detector.regions < detector.whole
 
 
-def test_a_picture_of_another_size_starts_afresh(scene: "Scene") -> None:
+def test_changed_picture_size_restarts_the_finder(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector())
     picture, _ = scene((320, 240))
     finder.find(picture)
@@ -283,7 +283,7 @@ def test_near_or_far_a_face_is_found_by_the_second_frame(scene: "Scene", size: f
     assert [sighting.detection.box.overlap(true) > 0.5 for sighting in seen] == [True]
 
 
-def test_a_small_face_that_leaps_as_a_pan_makes_it_is_carried(scene: "Scene") -> None:
+def test_small_face_is_carried_through_a_pan(scene: "Scene") -> None:
     detector = Counting()
     finder = FaceFinder(detector)
     for step in range(12):
@@ -294,7 +294,7 @@ def test_a_small_face_that_leaps_as_a_pan_makes_it_is_carried(scene: "Scene") ->
     assert detector.regions <= 11
 
 
-def test_what_is_no_picture_is_refused() -> None:
+def test_malformed_picture_is_refused() -> None:
     with pytest.raises(ValueError, match="picture: expected"):
         FaceFinder(HaarFaceDetector()).find(np.zeros((4, 4, 4), dtype=np.uint8))
 
@@ -315,14 +315,14 @@ def leaning(picture: Image, degrees: float) -> Image:
 
 
 @pytest.mark.parametrize("degrees", [-30, -15, 15, 30])
-def test_a_head_that_leans_is_found_within_four_frames(scene: "Scene", degrees: float) -> None:
+def test_leaning_head_is_found_within_four_frames(scene: "Scene", degrees: float) -> None:
     finder = FaceFinder(HaarFaceDetector())
     picture, (true,) = scene((320, 240))
     seen = [finder.find(leaning(picture, degrees)) for _ in range(4)][-1]
     assert [sighting.detection.box.overlap(true) > 0.5 for sighting in seen if sighting.found] == [True]
 
 
-def test_a_head_that_leans_more_and_more_is_followed(scene: "Scene") -> None:
+def test_increasingly_leaning_head_is_tracked(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector())
     picture, (true,) = scene((320, 240))
     for step in range(60):
@@ -345,7 +345,7 @@ class Sideways(Doubtful):
         return True
 
 
-def test_a_face_that_looks_to_one_side_is_carried_on_for_a_while_but_not_counted_as_found(scene: "Scene") -> None:
+def test_face_in_profile_is_carried_but_not_found(scene: "Scene") -> None:
     picture, (true,) = scene((320, 240))
     detector = Sideways()
     detector.ghost, detector.said = Detection(true, 1.0), True
@@ -360,7 +360,7 @@ def test_a_face_that_looks_to_one_side_is_carried_on_for_a_while_but_not_counted
     assert seen[-1] == []
 
 
-def test_the_others_who_came_along_are_looked_for_soon(scene: "Scene") -> None:
+def test_second_newcomer_is_found_soon(scene: "Scene") -> None:
     finder = FaceFinder(HaarFaceDetector())
     finder.find(scene((150, 240))[0])
     both, _ = scene((150, 240), (480, 260))

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @pytest.mark.parametrize("step", [(2.0, 0.0), (-20.0, 5.0), (45.0, -20.0)])
-def test_a_face_is_carried_as_far_as_it_moves(scene: "Scene", step: tuple[float, float]) -> None:
+def test_face_is_carried_by_its_motion(scene: "Scene", step: tuple[float, float]) -> None:
     before, (box,) = scene((300, 240))
     after, (there,) = scene((300 + step[0], 240 + step[1]))
     carried = track_box(to_grey(before), to_grey(after), box)
@@ -22,7 +22,7 @@ def test_a_face_is_carried_as_far_as_it_moves(scene: "Scene", step: tuple[float,
     assert carried.centre == pytest.approx(there.centre, abs=2.0)
 
 
-def test_a_face_that_comes_nearer_gets_a_larger_box(scene: "Scene") -> None:
+def test_approaching_face_gets_a_larger_box(scene: "Scene") -> None:
     before, (box,) = scene((300, 240))
     after, (there,) = scene((300, 240), size=1.06)
     carried = track_box(to_grey(before), to_grey(after), box)
@@ -30,7 +30,7 @@ def test_a_face_that_comes_nearer_gets_a_larger_box(scene: "Scene") -> None:
     assert carried.width == pytest.approx(there.width, rel=0.03)
 
 
-def test_a_face_that_vanished_is_not_carried(scene: "Scene") -> None:
+def test_vanished_face_is_not_carried(scene: "Scene") -> None:
     before, (box,) = scene((300, 240))
     noise = np.random.default_rng(1).integers(0, 255, (480, 640), dtype=np.uint8)
     assert track_box(to_grey(before), noise, box) is None

@@ -35,7 +35,7 @@ def test_the_middle_of_the_picture_is_straight_ahead() -> None:
     assert CAMERA.pixel_to_angles(320, 240) == (0, 0)
 
 
-def test_left_in_the_picture_is_positive_and_so_is_down() -> None:
+def test_left_and_down_are_positive_angles() -> None:
     bearing, drop = CAMERA.pixel_to_angles(100, 400)
     assert bearing > 0
     assert drop > 0
@@ -47,12 +47,12 @@ def test_the_edge_of_the_picture_is_half_the_angle_of_view_away() -> None:
 
 
 @given(pixels)
-def test_a_pixel_comes_back_from_its_angles(place: tuple[float, float]) -> None:
+def test_pixel_round_trips_through_angles(place: tuple[float, float]) -> None:
     assert CAMERA.angles_to_pixel(*CAMERA.pixel_to_angles(*place)) == pytest.approx(place, abs=1e-6)
 
 
 @given(pixels)
-def test_a_pixels_angles_are_those_of_its_ray(place: tuple[float, float]) -> None:
+def test_pixel_angles_match_its_ray(place: tuple[float, float]) -> None:
     ray = np.array([CAMERA.focal, 320 - place[0], 240 - place[1]])
     assert direction(*CAMERA.pixel_to_angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=1e-9)
 
@@ -75,7 +75,7 @@ def test_adding_the_angles_would_not_do() -> None:
     assert degrees(pitch) == pytest.approx(18.75, abs=0.01)
 
 
-def test_the_yaw_goes_on_past_half_a_turn_as_the_gaze_does() -> None:
+def test_yaw_continues_past_half_a_turn() -> None:
     assert direction_of(Gaze(7.0, 0), 0.1, 0)[0] == pytest.approx(7.1)
 
 
@@ -104,7 +104,7 @@ def test_an_impossible_angle_of_view_is_refused(angle: float) -> None:
 
 
 @pytest.mark.parametrize("seen", [(pi / 2, 0.0), (0.0, -2.0), (float("nan"), 0.0)])
-def test_what_is_behind_the_camera_has_no_pixel(seen: tuple[float, float]) -> None:
+def test_direction_behind_the_camera_has_no_pixel(seen: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="not in front"):
         CAMERA.angles_to_pixel(*seen)
 
@@ -119,12 +119,12 @@ BENT = Pinhole(640, 480, radians(60), (0.52, 0.47), (0.09, -0.21, 0.002, -0.001,
 
 
 @given(pixels)
-def test_a_bent_pixel_comes_back_from_its_angles_too(place: tuple[float, float]) -> None:
+def test_distorted_pixel_round_trips_through_angles(place: tuple[float, float]) -> None:
     assert BENT.angles_to_pixel(*BENT.pixel_to_angles(*place)) == pytest.approx(place, abs=0.02)
 
 
 @given(pixels)
-def test_a_lens_bends_as_opencv_says(place: tuple[float, float]) -> None:
+def test_distortion_matches_opencv(place: tuple[float, float]) -> None:
     focal = BENT.focal
     matrix = np.array(((focal, 0, 0.52 * 640), (0, focal, 0.47 * 480), (0, 0, 1)))
     ((right, down),) = cv2.undistortPoints(np.array([[place]]), matrix, np.array(BENT.distortion))[0]
@@ -132,7 +132,7 @@ def test_a_lens_bends_as_opencv_says(place: tuple[float, float]) -> None:
     assert direction(*BENT.pixel_to_angles(*place)) == pytest.approx(ray / np.linalg.norm(ray), abs=2e-4)
 
 
-def test_the_optical_axis_meets_the_picture_at_its_centre() -> None:
+def test_optical_axis_is_at_the_picture_centre() -> None:
     assert BENT.pixel_to_angles(0.52 * 640, 0.47 * 480) == pytest.approx((0, 0))
 
 

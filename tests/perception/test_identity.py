@@ -43,7 +43,7 @@ def test_a_faint_one_is_decided_after_five() -> None:
     assert names(*[FAINT] * MIN_LOOKS) == [""] * (MIN_LOOKS - 1) + ["Anna"]
 
 
-def test_nobody_is_forced_to_a_name() -> None:
+def test_ambiguous_face_stays_unknown() -> None:
     assert names(*[replace(FAINT, margin=0.0)] * 20)[-1] == UNKNOWN
 
 
@@ -59,7 +59,7 @@ def test_a_name_is_taken_back_after_five_contrary_looks_in_a_row_and_not_before(
     assert names(*[STRANGER] * MIN_CLEAR_LOOKS, *[ANNA] * MAX_CONTRARY_LOOKS)[-1] == "Anna"
 
 
-def test_each_face_has_its_own_looks_and_those_that_are_gone_are_forgotten() -> None:
+def test_votes_are_per_face_and_dropped_with_the_face() -> None:
     votes = NameVotes()
     for _ in range(MIN_CLEAR_LOOKS):
         votes.vote(1, ANNA)
@@ -73,7 +73,7 @@ def placed(number: int, stamp: float) -> Face:
     return replace(face(stamp, number=number), box=Box(100.0 * number, 0.0, 40.0, 40.0))
 
 
-def test_the_three_largest_that_this_picture_shows_are_looked_at_and_not_too_often() -> None:
+def test_three_largest_faces_are_identified_at_the_interval() -> None:
     naming, asked = FaceNamer(interval=0.15), list[tuple[float, float]]()
 
     def look(stamp: float) -> None:
@@ -85,7 +85,7 @@ def test_the_three_largest_that_this_picture_shows_are_looked_at_and_not_too_oft
     assert asked == [(stamp, x) for stamp in (1.0, 1.16) for x in (200.0, 300.0, 400.0)]
 
 
-def test_a_look_that_tells_nothing_does_not_count() -> None:
+def test_empty_look_does_not_count() -> None:
     naming = FaceNamer(interval=0.0)
     for number in range(10):
         (named,) = naming.name([placed(1, float(number))], float(number), lambda _: None)
@@ -117,7 +117,7 @@ def test_the_sense_puts_names_on_faces(grey: int, name: str) -> None:
     assert found == ["", "", name, name]
 
 
-def test_where_nobody_is_known_everybody_is_a_stranger() -> None:
+def test_null_recogniser_knows_only_strangers() -> None:
     look = NullRecogniser().match(np.zeros((4, 4, 3), np.uint8), Box(0, 0, 2, 2))
     assert look is not None
     assert look.verdict == UNKNOWN

@@ -42,7 +42,7 @@ def test_of_four_pixels_a_cell_and_more_the_right_number_is_read() -> None:
 
 @pytest.mark.parametrize("away", [0.8, 1.6])
 @pytest.mark.parametrize("turned", [-0.5, -0.2, 0.3, 0.5])
-def test_the_pose_of_a_robot_is_told(away: float, turned: float) -> None:
+def test_marker_gives_the_pose_of_a_robot(away: float, turned: float) -> None:
     (marker,) = see(MarkerSense(R2), marker_picture(7, away, turned=turned, aside=0.2))
     assert (marker.number, marker.name) == (7, "R2")
     assert marker.distance == pytest.approx(hypot(away, 0.2), rel=0.03)
@@ -50,19 +50,19 @@ def test_the_pose_of_a_robot_is_told(away: float, turned: float) -> None:
     assert degrees(marker.heading) == pytest.approx(degrees(turned), abs=6)
 
 
-def test_a_camera_that_looks_down_sees_the_same_heading() -> None:
+def test_marker_heading_is_independent_of_camera_pitch() -> None:
     for pitch in (0.0, radians(20)):
         image = marker_picture(7, 1.0, turned=0.5, height=0.6 if pitch else 0.29, pitch=pitch)
         (marker,) = see(MarkerSense(R2), image, pitch=pitch)
         assert degrees(marker.heading) == pytest.approx(degrees(0.5), abs=4)
 
 
-def test_a_robot_nobody_has_named_has_no_name() -> None:
+def test_unnamed_robot_has_no_name() -> None:
     (marker,) = see(MarkerSense(R2), marker_picture(9, 1.0))
     assert (marker.number, marker.name) == (9, "")
 
 
-def test_a_robot_that_shows_two_sides_is_one_robot() -> None:
+def test_two_markers_of_a_robot_are_one_robot() -> None:
     image = marker_picture(7, 0.8, turned=radians(45))
     assert len([number for number, _ in MarkerSense(R2).find(image)]) == 2
     assert len(see(MarkerSense(R2), image)) == 1
@@ -81,14 +81,14 @@ def test_every_family_is_read(family: str) -> None:
     assert marker.box.centre == pytest.approx((320, 240), abs=2)
 
 
-def test_no_marker_is_seen_where_there_is_none(footage: Path) -> None:
+def test_footage_without_markers_gives_none(footage: Path) -> None:
     sense, film = MarkerSense(R2), cv2.VideoCapture(str(footage / "learn.mkv"))
     while (taken := film.read())[0]:
         assert sense.find(np.asarray(taken[1], np.uint8)) == []
     film.release()
 
 
-def test_markers_that_cannot_be_are_refused() -> None:
+def test_invalid_marker_set_is_refused() -> None:
     with pytest.raises(ValueError, match="no family '9x9'; known are: 4x4_50"):
         MarkerSet("9x9")
     with pytest.raises(ValueError, match="must be above 0 m"):

@@ -30,7 +30,7 @@ def test_noise_is_smoothed() -> None:
     assert np.std(errors[50:]) < 0.9 * INITIAL_NOISE
 
 
-def test_someone_who_turns_about_is_followed_within_half_a_second() -> None:
+def test_reversed_motion_is_followed_within_half_a_second() -> None:
     motion, angle = AngleFilter(0.0), 0.0
     for step in range(60):
         angle += radians(20) * 0.05 * (1 if step < 50 else -1)
@@ -38,7 +38,7 @@ def test_someone_who_turns_about_is_followed_within_half_a_second() -> None:
     assert motion.rate == pytest.approx(-radians(20), abs=radians(3))
 
 
-def test_a_jump_tells_no_rate_but_somebody_who_goes_on_as_fast_is_followed() -> None:
+def test_jump_gives_no_rate_but_continued_motion_does() -> None:
     motion = AngleFilter(0.0)
     for angle in (0.0, 0.0, 12.0, 12.0, 12.0):
         motion.update(radians(angle), 0.05)
@@ -70,9 +70,7 @@ def test_a_measurement_from_the_past_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("noise", "turned", "known"), [(0.05, 0.0, True), (0.6, 0.0, False), (0.05, 3.0, False)])
-def test_who_sets_off_is_known_with_his_first_picture_as_far_as_it_is_exact(
-    noise: float, turned: float, known: bool
-) -> None:
+def test_start_of_a_walk_is_known_if_the_picture_is_exact(noise: float, turned: float, known: bool) -> None:
     motion = AngleFilter(0.0)
     for n in range(40):
         motion.update(radians(noise) * (-1) ** n, 0.05)

@@ -38,7 +38,7 @@ def test_upright_and_level_stripes_have_less_in_common_than_two_faces() -> None:
     assert alike(upright, level) < alike(describe_face(face(0)), describe_face(face(1))) - 0.2
 
 
-def test_what_whitened_patches_say_is_less_the_same_thing_twice() -> None:
+def test_whitened_patches_are_less_correlated() -> None:
     def repeated(patches: Patches) -> float:
         return float(np.abs(np.corrcoef(patches.reshape(-1, DEPTH), rowvar=False)).mean())
 
@@ -48,7 +48,7 @@ def test_what_whitened_patches_say_is_less_the_same_thing_twice() -> None:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_light_changes_a_face_less_than_another_face_does(seed: int) -> None:
+def test_light_changes_a_face_less_than_another_person_does(seed: int) -> None:
     shown = face(seed)
     from_the_side = np.asarray(shown * np.linspace(0.25, 1.0, 75)[None], np.uint8)
     dark = np.asarray(shown * 0.3, np.uint8)
@@ -57,7 +57,7 @@ def test_light_changes_a_face_less_than_another_face_does(seed: int) -> None:
         assert alike(describe_face(shown), describe_face(other)) > another + 0.5 * (1 - another)
 
 
-def test_however_strong_an_edge_is_its_contrast_is_bounded() -> None:
+def test_contrast_of_strong_edges_is_bounded() -> None:
     shown = np.zeros((75, 75), np.uint8)
     shown[:, 40:] = 255
     assert float(np.abs(normalise_light(shown)).max()) <= MAX_CONTRAST

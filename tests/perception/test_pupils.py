@@ -23,7 +23,7 @@ def test_both_eyes_of_the_astronaut_are_found_left_first(astronaut: Image) -> No
 
 
 @pytest.mark.parametrize("scale", [0.5, 2.0])
-def test_they_are_found_in_the_pixels_of_the_picture_whatever_its_size(astronaut: Image, scale: float) -> None:
+def test_pupils_are_found_at_any_picture_size(astronaut: Image, scale: float) -> None:
     picture = np.asarray(cv2.resize(astronaut, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
     face = Box(*(value * scale for value in (FACE.x, FACE.y, FACE.width, FACE.height)))
     eyes = EyeFinder().find(picture, face)
@@ -41,7 +41,7 @@ def test_a_face_outside_the_picture_has_no_eyes(astronaut: Image, face: Box) -> 
     assert EyeFinder().find(astronaut, face) == ()
 
 
-def test_what_is_no_picture_is_refused() -> None:
+def test_malformed_picture_is_refused() -> None:
     with pytest.raises(ValueError, match="picture: expected"):
         EyeFinder().find(np.zeros((4, 4, 4), np.uint8), FACE)
 
@@ -55,7 +55,7 @@ def test_each_portrait_shows_both_eyes(footage: Path) -> None:
         assert len(EyeFinder().find(image, face.box)) == 2, name
 
 
-def test_a_missing_cascade_says_what_to_install(monkeypatch: pytest.MonkeyPatch, astronaut: Image) -> None:
+def test_missing_cascade_gives_an_install_hint(monkeypatch: pytest.MonkeyPatch, astronaut: Image) -> None:
     monkeypatch.setattr(eye_finder, "CASCADE", "nowhere.xml")
     with pytest.raises(FileNotFoundError, match=r"nowhere.xml is missing\n  try: pip install"):
         EyeFinder().find(astronaut, FACE)

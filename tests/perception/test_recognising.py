@@ -51,7 +51,7 @@ def share(hits: tuple[int, int]) -> float:
 
 
 @pytest.mark.parametrize(("count", "refused"), [(1, 0.1), (2, 0.1), (3, 0.2), (5, 0.45)])
-def test_however_few_are_known_they_are_recognised_from_afar_and_those_of_the_cohort_are_strangers(
+def test_few_known_people_are_recognised_and_strangers_are_not(
     portraits: tuple[Portraits, Portraits], count: int, refused: float
 ) -> None:
     found = measured(portraits, count, cohort=True)
@@ -73,7 +73,7 @@ def verdicts(people: PatchRecogniser, shown: Sequence[Image]) -> list[str]:
     return [look.verdict for look in looks if look is not None]
 
 
-def test_of_two_who_are_known_each_is_called_by_name_and_the_others_are_unknown(
+def test_two_known_people_are_named_and_others_unknown(
     portraits: tuple[Portraits, Portraits],
 ) -> None:
     taught, asked = portraits
@@ -106,13 +106,13 @@ def test_of_many_portraits_some_are_compared_spread_over_all_and_of_few_all_vari
         assert [len(picture.templates) for picture in found] == [each] * min(count, MAX_PICTURES)
 
 
-def test_a_face_whose_eyes_are_found_is_seen_upright_too(astronaut: Image) -> None:
+def test_face_with_detected_eyes_has_an_upright_view(astronaut: Image) -> None:
     eyes = EyeFinder()
     (picture,) = describe_portraits([enrol(astronaut, HaarFaceDetector())], MAX_PICTURES, eyes)
     assert (len(picture.views), len(picture.templates)) == (2, MAX_VARIANTS)
 
 
-def test_a_picture_of_one_face_enrols_somebody(astronaut: Image) -> None:
+def test_enrol_keeps_only_the_face(astronaut: Image) -> None:
     found = enrol(astronaut, HaarFaceDetector())
     assert found.shape[0] < 200, "the face, and not the picture"
 
@@ -132,7 +132,7 @@ def test_a_picture_of_no_face_or_two_is_refused(image: Image, count: int, says: 
     assert refused.value.hint
 
 
-def test_a_box_that_shows_nothing_is_no_look() -> None:
+def test_empty_box_gives_no_look() -> None:
     detector = HaarFaceDetector()
     image = pictures("anna", (1.2,), each=1)[0]
     people = PatchRecogniser({"anna": [make_portrait(image, detector.detect(image)[0].box)] * 3})

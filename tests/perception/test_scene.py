@@ -27,7 +27,7 @@ def test_one_colour_is_uniform_however_dark_and_noisy(level: int, noise: float) 
     assert measure_scene(noisy(level, noise=noise), stamp=1.0).contrast <= UNIFORM
 
 
-def test_a_wall_that_is_lit_from_one_side_is_uniform() -> None:
+def test_unevenly_lit_wall_is_uniform() -> None:
     shade = np.linspace(80.0, 200.0, 640)[None, :, None]
     assert measure_scene(noisy(shade, noise=4.0), stamp=1.0).contrast <= UNIFORM
 
@@ -50,7 +50,7 @@ def test_one_picture_on_a_wall_is_enough_to_see() -> None:
     assert measure_scene(picture, stamp=1.0).contrast > UNIFORM
 
 
-def test_the_stamp_and_the_brightness_are_those_of_the_frame() -> None:
+def test_scene_has_the_stamp_and_brightness_of_the_frame() -> None:
     scene = measure_scene(np.full((480, 640, 3), 77, np.uint8), stamp=4.5)
     assert (scene.stamp, scene.brightness, scene.contrast) == (4.5, 77.0, 0.0)
 
@@ -61,6 +61,6 @@ def test_any_size_can_be_measured(shape: tuple[int, ...]) -> None:
 
 
 @pytest.mark.parametrize("picture", [np.zeros((0, 4, 3), np.uint8), np.zeros((8, 8, 3)), np.zeros(9, np.uint8)])
-def test_what_is_no_picture_is_refused(picture: Image) -> None:
+def test_malformed_picture_is_refused(picture: Image) -> None:
     with pytest.raises(ValueError, match="picture: expected"):
         measure_scene(picture, stamp=0.0)

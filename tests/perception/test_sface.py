@@ -73,7 +73,7 @@ def test_points_of_a_face_are_in_pixels_of_the_picture(files: tuple[Path, Path])
     assert YuNetFaceDetector(files[1]).find_landmarks(shown(0), FACE) is None
 
 
-def test_the_nearest_person_is_told_with_the_margin_to_the_published_threshold(files: tuple[Path, Path]) -> None:
+def test_nearest_person_is_returned_with_the_margin_to_the_published_threshold(files: tuple[Path, Path]) -> None:
     people = SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)], "Ben": [portrait(70)]})
     look = people.match(shown(250), FACE)
     assert look is not None
@@ -84,19 +84,19 @@ def test_the_nearest_person_is_told_with_the_margin_to_the_published_threshold(f
     assert other.verdict == "Ben"
 
 
-def test_a_stranger_is_nobody(files: tuple[Path, Path]) -> None:
+def test_stranger_is_unknown(files: tuple[Path, Path]) -> None:
     people = SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(255)]})
     look = people.match(shown(62), FACE)
     assert look is not None
     assert look.verdict == UNKNOWN
 
 
-def test_where_yunet_sees_no_face_nothing_is_said(files: tuple[Path, Path]) -> None:
+def test_missing_yunet_face_gives_no_look(files: tuple[Path, Path]) -> None:
     people = SFaceRecogniser(files[0], YuNetFaceDetector(files[1]), {"Anna": [portrait(250)]})
     assert people.match(shown(0), FACE) is None
 
 
-def test_portraits_that_show_no_face_and_a_missing_file_say_what_to_do(files: tuple[Path, Path]) -> None:
+def test_portraits_without_a_face_and_a_missing_file_give_hints(files: tuple[Path, Path]) -> None:
     with pytest.raises(
         ValueError, match="YuNet finds no face in the pictures of Anna\n  try: mission person remove Anna"
     ):

@@ -29,7 +29,7 @@ def turned_box(width: float, height: float, angle: float) -> Contour:
 
 
 @given(st.floats(5.5, 70), st.floats(78, 82), st.floats(78, 82), st.floats(0.95, 1.05))
-def test_a_disc_is_a_ball_as_wide_as_it_is(radius: float, x: float, y: float, squeeze: float) -> None:
+def test_disc_is_a_ball_of_its_width(radius: float, x: float, y: float, squeeze: float) -> None:
     seen = judge_outline(disc(radius, x, y, squeeze))
     assert seen is not None
     assert seen.shape == BALL
@@ -37,14 +37,14 @@ def test_a_disc_is_a_ball_as_wide_as_it_is(radius: float, x: float, y: float, sq
 
 
 @given(st.floats(14, 70), st.floats(0.4, 1.0), st.floats(0, 90))
-def test_a_rectangle_is_a_box_however_it_is_turned(width: float, share: float, angle: float) -> None:
+def test_rotated_rectangle_is_a_box(width: float, share: float, angle: float) -> None:
     if width * share >= 10:
         seen = judge_outline(turned_box(width, width * share, angle))
         assert seen is not None
         assert seen.shape == BOX
 
 
-def test_a_cube_seen_over_its_edge_is_a_box() -> None:
+def test_cube_seen_at_its_edge_is_a_box() -> None:
     mask = np.zeros((160, 160), np.uint8)
     hexagon = np.array([(40, 60), (80, 52), (120, 60), (120, 100), (80, 111), (40, 100)], np.int32)
     cv2.fillConvexPoly(mask, hexagon, 1)
@@ -61,7 +61,7 @@ def test_a_cube_seen_over_its_edge_is_a_box() -> None:
         [(10, 70), (150, 70), (150, 80), (10, 80)],  # a strip
     ],
 )
-def test_what_is_neither_is_none(points: list[tuple[int, int]]) -> None:
+def test_other_outline_has_no_shape(points: list[tuple[int, int]]) -> None:
     mask = np.zeros((160, 160), np.uint8)
     cv2.fillPoly(mask, [np.array(points, np.int32)], 1)
     assert judge_outline(contour(mask)) is None

@@ -48,13 +48,13 @@ def test_the_smallest_face_is_something_new_also_in_the_dark(light: float) -> No
     assert not still.can_skip(with_somebody(room(1, light=light), brighter=60 * light), SMALL)
 
 
-def test_each_kind_of_search_has_a_picture_of_its_own() -> None:
+def test_search_kinds_keep_separate_pictures() -> None:
     still = StillPictureDetector()
     still.can_skip(room(0), ANY_FACE)
     assert not still.can_skip(room(1), SMALL)
 
 
-def test_what_comes_slowly_is_noticed_since_it_is_the_searched_picture_that_counts() -> None:
+def test_slow_change_is_detected_against_the_searched_picture() -> None:
     still = StillPictureDetector()
     still.can_skip(room(0), ANY_FACE)
     assert [still.can_skip(with_somebody(room(n), brighter=2.0 * n), ANY_FACE) for n in range(1, 4)][-1] is False
@@ -77,9 +77,7 @@ class Counting:
 
 
 @pytest.mark.parametrize(("moving", "most"), [(False, 1 / MAX_SKIPPED_SEARCHES), (True, 1.0)])
-def test_an_empty_room_is_searched_seldom_while_the_camera_stands_and_often_while_it_turns(
-    moving: bool, most: float
-) -> None:
+def test_empty_room_is_searched_rarely_with_a_still_camera(moving: bool, most: float) -> None:
     detector, frames = Counting(), 40 * LONG_EMPTY_SEARCH_INTERVAL
     finder, rooms = FaceFinder(detector), [room(n) for n in range(17)]
     for n in range(frames):

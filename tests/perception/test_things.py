@@ -50,7 +50,7 @@ def test_things_are_found_at_half_a_metre_to_three_in_bad_pictures_and_nothing_e
     assert false <= 0.01 * len(shown)
 
 
-def test_hardly_anything_is_found_in_pictures_of_people_who_show_none(footage: Path) -> None:
+def test_footage_without_objects_gives_few_false_ones(footage: Path) -> None:
     """A frame is asked for 21 things at once: each of 7 colours as a ball, as a box, and as either."""
     asked = [ThingSpec(f"{hue} {shape}", hue, shape) for hue in HUES for shape in (BALL, BOX, ANY)]
     frames = false = 0
@@ -64,7 +64,7 @@ def test_hardly_anything_is_found_in_pictures_of_people_who_show_none(footage: P
     assert false < 0.1 * frames
 
 
-def test_a_thing_is_told_of_by_the_name_it_was_asked_for_with_its_direction() -> None:
+def test_object_has_its_requested_name_and_direction() -> None:
     sense = ThingSense([RED_BALL], COLOURS)
     (thing,) = see(sense, picture(("red", BALL, (480, 240), 30), ("red", BOX, (150, 240), 30)), gaze=Gaze(0.5, 0.0))
     assert (thing.id, thing.name, thing.colour, thing.shape) == (1, "red ball", "red", "ball")
@@ -81,7 +81,7 @@ def test_one_look_is_not_enough() -> None:
     assert len(see(sense, red, times=2)) == 1
 
 
-def test_a_spot_may_be_several_things_and_what_is_not_asked_for_is_not_told() -> None:
+def test_one_spot_may_be_several_requested_objects() -> None:
     sense = ThingSense([RED_BALL, ThingSpec("red", "red"), ThingSpec("blue", "blue")], COLOURS)
     things = see(sense, picture(("red", BALL, (200, 200), 40), ("green", BALL, (400, 200), 40)))
     assert sorted(thing.name for thing in things) == ["red", "red ball"]
@@ -94,20 +94,20 @@ def test_the_largest_comes_first() -> None:
 
 
 @pytest.mark.parametrize("away", [0.6, 1.5, 2.8])
-def test_the_distance_of_a_ball_follows_from_its_size(away: float) -> None:
+def test_ball_distance_follows_from_its_size(away: float) -> None:
     sense = ThingSense([ThingSpec("apple", "red", BALL, 0.12)], COLOURS)
     half = round(0.06 * CAMERA.focal / away)
     (apple,) = see(sense, picture(("red", BALL, (320, 240), half)))
     assert apple.distance == pytest.approx(0.06 * CAMERA.focal / half, rel=0.08)
 
 
-def test_what_would_be_farther_away_than_can_be_seen_is_something_else() -> None:
+def test_implausibly_distant_object_is_ignored() -> None:
     sense = ThingSense([ThingSpec("balloon", "red", BALL, 1.0)], COLOURS)
     assert see(sense, picture(("red", BALL, (320, 240), 25))) == ()
 
 
 @pytest.mark.parametrize("middle", [(10, 240), (635, 240), (320, 8), (320, 470)])
-def test_what_the_rim_cuts_off_is_not_judged(middle: tuple[int, int]) -> None:
+def test_object_cut_off_by_the_picture_edge_is_ignored(middle: tuple[int, int]) -> None:
     assert SpotFinder(COLOURS, ["red"]).find(picture(("red", BALL, middle, 40))) == []
 
 
@@ -117,7 +117,7 @@ def test_a_part_of_something_larger_of_a_similar_colour_is_no_thing() -> None:
     assert SpotFinder(COLOURS, ["yellow"]).find(pullover) == []
 
 
-def test_nothing_wanted_is_nothing_found() -> None:
+def test_empty_request_finds_nothing() -> None:
     assert see(ThingSense([], COLOURS), picture(("red", BALL, (320, 240), 30))) == ()
 
 
@@ -135,7 +135,7 @@ def test_any_size_of_picture_can_be_searched(size: tuple[int, int]) -> None:
         assert ball.box.centre == pytest.approx((size[0] / 2, size[1] / 2), abs=0.01 * size[0])
 
 
-def test_a_thing_that_stands_still_stays_where_it_is_while_the_head_turns() -> None:
+def test_still_object_keeps_its_yaw_during_a_head_turn() -> None:
     sense = ThingSense([RED_BALL], COLOURS)
     for step in range(12):
         pan = radians(2 * step - 10)

@@ -24,7 +24,7 @@ def see(tracker: Tracker[Face], stamp: float, *sightings: FaceSighting, gaze: Ga
     return tracker.update(sightings, camera=CAMERA, gaze=gaze, stamp=stamp)
 
 
-def test_a_face_is_told_of_once_it_was_detected_twice() -> None:
+def test_face_is_reported_after_two_detections() -> None:
     tracker = Tracker[Face]()
     assert see(tracker, 0.0, at(5)) == ()
     (face,) = see(tracker, 0.05, at(5))
@@ -35,14 +35,14 @@ def test_a_face_is_told_of_once_it_was_detected_twice() -> None:
     assert face.distance == pytest.approx(CAMERA.face_distance(face.box))
 
 
-def test_what_flow_carries_does_not_confirm_a_face() -> None:
+def test_carried_detection_does_not_confirm_a_face() -> None:
     tracker = Tracker[Face]()
     see(tracker, 0.0, at(5))
     assert see(tracker, 0.05, at(5, found=False)) == ()
     assert len(see(tracker, 0.10, at(5))) == 1
 
 
-def test_false_faces_that_flicker_about_are_never_told_of() -> None:
+def test_flickering_false_faces_are_never_reported() -> None:
     tracker = Tracker[Face]()
     for step in range(20):
         assert see(tracker, step * 0.3, at(-25 if step % 2 else 25)) == ()
@@ -64,7 +64,7 @@ def test_an_id_survives_a_short_loss() -> None:
     assert (back.id, back.stamp) == (before.id, 1.05)
 
 
-def test_after_a_long_loss_it_is_someone_new() -> None:
+def test_face_after_a_long_loss_gets_a_new_id() -> None:
     tracker = Tracker[Face]()
     see(tracker, 0.0, at(0))
     see(tracker, 0.1, at(0))
@@ -84,7 +84,7 @@ def test_two_people_keep_their_ids_and_the_largest_comes_first() -> None:
     assert [face.id for face in later] == [faces[1].id, faces[0].id]
 
 
-def test_people_who_stand_apart_are_not_mistaken_for_each_other() -> None:
+def test_distant_faces_are_not_confused() -> None:
     tracker = Tracker[Face]()
     for step in range(3):
         see(tracker, step / 20, at(-20))
@@ -95,7 +95,7 @@ def test_people_who_stand_apart_are_not_mistaken_for_each_other() -> None:
 
 
 @given(st.floats(-6, 6), st.floats(-0.5, 0.5))
-def test_a_turning_head_does_not_move_someone_who_stands_still(start: float, pitch: float) -> None:
+def test_turning_head_does_not_move_a_still_face(start: float, pitch: float) -> None:
     tracker = Tracker[Face]()
     for step in range(20):
         gaze = Gaze(start + 0.02 * step, 0.0)

@@ -74,7 +74,7 @@ def picture(*spots: tuple[int, int, int, int], size: tuple[int, int] = (640, 480
     return drawn
 
 
-def test_boxes_are_squares_as_the_cascade_draws_them_in_the_pixels_of_the_picture(faces: YuNetFaceDetector) -> None:
+def test_yunet_boxes_are_squares_like_those_of_the_cascade(faces: YuNetFaceDetector) -> None:
     detector: FaceDetector = faces
     (face,) = detector.detect(picture((300, 100, 80, 100)))
     assert face.box.centre == pytest.approx((340, 150), abs=2)
@@ -89,7 +89,7 @@ def test_the_larger_the_faces_looked_for_the_smaller_the_picture_shown(faces: Yu
     assert 640 * MIN_FACE_PIXELS / 64 <= 5 * SIZE_STEP
 
 
-def test_each_size_of_a_picture_has_a_network_that_is_read_once(faces: YuNetFaceDetector, spots: Spots) -> None:
+def test_network_is_loaded_once_per_picture_size(faces: YuNetFaceDetector, spots: Spots) -> None:
     seen, face = picture((300, 100, 80, 80)), Box(305, 105, 80, 80)
     for _ in range(3):
         faces.detect(seen)
@@ -103,7 +103,7 @@ def test_each_size_of_a_picture_has_a_network_that_is_read_once(faces: YuNetFace
     assert spots.sizes.count(spots.sizes[1]) == 2, "no more than some are kept"
 
 
-def test_only_faces_of_the_size_asked_for_are_told_of_largest_first(faces: YuNetFaceDetector) -> None:
+def test_faces_are_filtered_by_size_and_sorted(faces: YuNetFaceDetector) -> None:
     seen = picture((20, 20, 40, 40), (200, 200, 100, 100), (400, 50, 200, 200))
     widths = [face.box.width for face in faces.detect(seen)]
     assert widths == sorted(widths, reverse=True)
@@ -125,7 +125,7 @@ def test_near_finds_nothing_outside_the_picture_or_where_nothing_is(faces: YuNet
     assert faces.detect_near(picture((300, 100, 80, 80)), Box(300, 100, 0, 0)) is None
 
 
-def test_a_face_is_borne_out_where_it_is_and_nowhere_else(faces: YuNetFaceDetector) -> None:
+def test_confirmation_depends_on_the_place_of_the_face(faces: YuNetFaceDetector) -> None:
     seen = picture((300, 100, 80, 80))
     assert faces.is_confirmed(seen, Box(305, 105, 80, 80))
     assert not faces.is_confirmed(seen, Box(400, 300, 80, 80))
@@ -140,19 +140,19 @@ def test_a_grey_picture_will_do_and_a_huge_one_too(faces: YuNetFaceDetector) -> 
     assert face.box.centre == pytest.approx((1700, 700), abs=8)
 
 
-def test_a_missing_file_says_how_to_fetch_it(tmp_path: Path) -> None:
+def test_missing_model_file_gives_a_fetch_hint(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError, match=r"absent.onnx is missing\n  try: mission robot models fetch yunet"):
         YuNetFaceDetector(tmp_path / "absent.onnx").detect(picture())
 
 
-def test_a_file_that_is_no_network_says_how_to_fetch_one(tmp_path: Path) -> None:
+def test_invalid_model_file_gives_a_fetch_hint(tmp_path: Path) -> None:
     path = tmp_path / "broken.onnx"
     path.write_bytes(b"no network")
     with pytest.raises(ValueError, match=r"broken.onnx is not a network\n  try: mission robot models fetch yunet"):
         YuNetFaceDetector(path).detect(picture())
 
 
-def test_a_file_that_is_larger_than_any_network_is_not_even_read(tmp_path: Path) -> None:
+def test_oversized_model_file_is_not_read(tmp_path: Path) -> None:
     path = tmp_path / "vast.onnx"
     with path.open("wb") as file:
         file.truncate(MAX_MODEL_BYTES + 1)  # of holes alone
@@ -162,7 +162,7 @@ def test_a_file_that_is_larger_than_any_network_is_not_even_read(tmp_path: Path)
         YuNetFaceDetector(path).detect(picture())
 
 
-def test_another_network_says_how_to_fetch_the_right_one(
+def test_different_network_gives_a_fetch_hint(
     faces: YuNetFaceDetector, spots: Spots, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def detect(_: Image) -> None:
@@ -175,7 +175,7 @@ def test_another_network_says_how_to_fetch_the_right_one(
         faces.detect(picture())
 
 
-def test_the_network_itself_finds_the_astronaut_where_the_cascade_does(astronaut: Image) -> None:
+def test_yunet_finds_the_same_face_as_the_cascade(astronaut: Image) -> None:
     found = sorted(MODEL.glob("*yunet*.onnx")) if MODEL.is_dir() else []
     if not found:
         pytest.skip("the YuNet model is not on this machine: mission robot models fetch yunet")

@@ -53,17 +53,17 @@ def no_bumps(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(invariants.INVARIANTS, "no_bumps", ("nothing bumps", look))
 
 
-def test_all_that_must_hold_holds_in_a_breath_of_the_storm() -> None:
+def test_invariants_hold_in_a_short_storm() -> None:
     broken = {seed: outcome.broken for seed in SEEDS if (outcome := play_seed(seed)).broken}
     assert broken == {}
 
 
-def test_a_seed_stands_for_one_storm_and_each_for_another() -> None:
+def test_seed_determines_the_storm() -> None:
     assert draw(12) == draw(12)
     assert draw(12) != draw(13)
 
 
-def test_missions_of_robots_with_more_arms_and_heads_use_them_all() -> None:
+def test_missions_use_all_arms_and_heads() -> None:
     joints = {arm: {"elbow": (-9.0, 9.0), "wrist": (0.0, 9.0)} for arm in ("arm", "right_arm")}
     others = {"mast": "head", "right_arm": "arm"}
     text = "".join(Trees(Random(seed), {"arm", *others}, joints, others).mission() for seed in range(50))  # noqa: S311
@@ -72,7 +72,7 @@ def test_missions_of_robots_with_more_arms_and_heads_use_them_all() -> None:
     assert '"find_face"' not in text  # that is for the head with the camera
 
 
-def test_what_goes_wrong_with_a_second_arm_is_drawn_by_its_name() -> None:
+def test_faults_of_a_second_arm_are_drawn_by_name() -> None:
     assert faults_of("right_arm", "arm", "so101") == [
         "right_arm unplugged",
         "right_arm overloaded JOINT",
@@ -87,24 +87,24 @@ def test_the_same_storm_happens_again_to_the_byte() -> None:
     assert played_twice(stormy).broken == {}
 
 
-def test_what_struck_is_counted() -> None:
+def test_applied_faults_are_counted() -> None:
     assert play(weather(*FAULTS)).struck == {"run stalled": 1, "base bumped": 1, "run paused": 1}
 
 
-def test_the_loop_that_is_held_up_ticks_late_and_the_base_has_stopped_meanwhile() -> None:
+def test_stalled_loop_ticks_late() -> None:
     even, late = play(weather()), play(weather("run stalled at 2 s for 1 s"))
     assert even.result == late.result == "success"
     assert late.seconds > even.seconds + 0.6
 
 
-def test_a_run_that_was_stopped_goes_on_when_it_is_released() -> None:
+def test_stopped_run_continues_when_released() -> None:
     even, late = play(weather()), play(weather("run stopped at 2 s for 3 s"))
     assert late.broken == {}
     assert late.result == "success"
     assert late.seconds > even.seconds + 2.5
 
 
-def test_a_voice_that_hangs_holds_up_what_waits_for_it() -> None:
+def test_hanging_voice_delays_the_mission() -> None:
     says = 'mission: says\ntree: {"say": "Hello"}\n'
     assert play(weather(mission=says)).result == "success"
     assert play(weather("voice hanging from 0.1 s", mission=says)).result == "interrupted"
@@ -189,18 +189,18 @@ def test_a_promise_is_held_and_is_seen_to_be_broken_where_the_code_has_a_fault(
     assert promise in play(shows).broken
 
 
-def test_a_head_that_is_stopped_in_the_tick_in_which_it_begins_turns_for_who_told_it_so_and_turns_no_way_back() -> None:
+def test_head_stopped_at_its_first_tick_does_not_turn_back() -> None:
     turns = TURNS.replace('"sequence"', '"repeat": "forever", "sequence"').replace("3 s", "2.11 s")
     assert play(replace(slow(turns), rate=10, seconds=6.0, stop_at=3, stop_for=3.0, hangs=2.0)).broken == {}
 
 
-def test_a_joint_beyond_its_limits_comes_back_to_the_first_step_of_its_servo_within_them() -> None:
+def test_joint_beyond_its_limits_returns_to_the_nearest_tick_within() -> None:
     hot = 'mission: hot\ntree: {"joint_hot": {}, "retry": "forever"}\n'
     turned = weather("arm turned right_ankle_roll to -50 deg at 0.5 s", mission=hot)
     assert play(replace(turned, robot="humanoid", limbs=0.2, seconds=2.0)).broken == {}
 
 
-def test_what_was_left_moving_goes_on_where_another_is_refused_what_it_asks_for() -> None:
+def test_refused_command_leaves_an_earlier_motion_running() -> None:
     left, refused = (
         {"way": way, "goal": goal, "after": 3} for way, goal in (("leaves", "fast"), ("never stops", "nan"))
     )
@@ -208,7 +208,7 @@ def test_what_was_left_moving_goes_on_where_another_is_refused_what_it_asks_for(
     assert play(slow(f"mission: left\ntree: {json.dumps({'sequence': steps})}\n")).broken == {}
 
 
-def test_who_fails_for_another_reason_than_a_refusal_leaves_nothing_moving(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_leaf_failing_otherwise_leaves_nothing_moving(monkeypatch: pytest.MonkeyPatch) -> None:
     move = JointsTwin.move
 
     def complains(arm: JointsTwin, goals: Mapping[str, float], **given: Mapping[str, float] | None) -> object:
@@ -226,13 +226,13 @@ def test_who_fails_for_another_reason_than_a_refusal_leaves_nothing_moving(monke
     assert "claimed_motion" in play(slow(f"mission: failed\ntree: {json.dumps(tree)}\n")).broken
 
 
-def test_every_fault_that_is_planted_has_its_place_in_the_code() -> None:
+def test_planted_faults_match_the_code() -> None:
     gone = [each.name for each in planted.FAULTS if each.old not in (planted.ROOT / each.file).read_text("utf-8")]
     assert gone == []
 
 
 @pytest.mark.usefixtures("no_bumps")
-def test_a_storm_that_breaks_something_is_shrunk_to_the_one_fault_that_does() -> None:
+def test_broken_storm_shrinks_to_the_causing_fault() -> None:
     outcome = play(weather(*FAULTS))
     assert outcome.broken == {"no_bumps": "it bumped"}
     small = shrunk(outcome)
@@ -241,7 +241,7 @@ def test_a_storm_that_breaks_something_is_shrunk_to_the_one_fault_that_does() ->
 
 
 @pytest.mark.usefixtures("no_bumps")
-def test_what_broke_is_written_as_a_test_that_fails_for_as_long() -> None:
+def test_broken_storm_becomes_a_failing_test() -> None:
     text = as_test(play(weather(*FAULTS)))
     told: dict[str, object] = {}
     exec(compile(text, "test_storm_7.py", "exec"), told)  # noqa: S102 - of our own writing
@@ -259,13 +259,13 @@ def storm(*arguments: str) -> int:
     return code
 
 
-def test_a_replay_tells_the_schedule(capsys: pytest.CaptureFixture[str]) -> None:
+def test_replay_prints_the_schedule(capsys: pytest.CaptureFixture[str]) -> None:
     assert storm("--seed", "2") == 0
     out = capsys.readouterr().out
     assert all(words in out for words in draw(2).faults)
 
 
-def test_the_table_tells_what_struck_and_what_held(capsys: pytest.CaptureFixture[str]) -> None:
+def test_table_lists_faults_and_invariants(capsys: pytest.CaptureFixture[str]) -> None:
     assert storm("--seeds", "3", "--jobs", "1") == 0
     out = capsys.readouterr().out
     assert out.startswith("3 seeds, ")
@@ -273,7 +273,7 @@ def test_the_table_tells_what_struck_and_what_held(capsys: pytest.CaptureFixture
 
 
 @pytest.mark.usefixtures("no_bumps")
-def test_a_seed_that_breaks_something_is_told_with_what_to_type(
+def test_broken_seed_is_reported_with_a_command(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("tests.storm.play.draw", lambda _: weather(*FAULTS))
@@ -286,7 +286,7 @@ def test_a_seed_that_breaks_something_is_told_with_what_to_type(
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_storm_that_is_interrupted_tells_what_was_played_so_far(
+def test_interrupted_storm_prints_its_results(
     number: signal.Signals, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def played(*_: object) -> Iterator[Outcome]:

@@ -55,7 +55,7 @@ def test_a_picture_is_described_once_and_not_at_each_start(people: People) -> No
     assert learn(people, Describer("another net")) == len(ANNA) + len(BEN) + 1
 
 
-def test_dlib_learns_by_it_at_the_first_look(people: People) -> None:
+def test_dlib_recogniser_uses_cached_features_at_the_first_match(people: People) -> None:
     learn(people, Describer())
     describe = Describer()
     known = DlibRecogniser(people.portraits(lambda _: None), describe, FeatureCache(people, describe))
@@ -64,19 +64,19 @@ def test_dlib_learns_by_it_at_the_first_look(people: People) -> None:
     assert describe.asked == 1
 
 
-def test_it_is_for_its_owner_only(people: People) -> None:
+def test_feature_cache_is_readable_by_its_owner_only(people: People) -> None:
     learn(people, Describer())
     assert stat.S_IMODE((people.folder / "Anna" / FEATURES_FILE).stat().st_mode) == 0o600
 
 
-def test_nothing_is_left_of_who_is_removed(people: People) -> None:
+def test_removed_person_leaves_no_features(people: People) -> None:
     learn(people, Describer())
     people.remove("Anna")
     assert names(people) == [f"Ben/{FEATURES_FILE}"]
     assert not (people.folder / "Anna").exists()
 
 
-def test_nothing_is_kept_of_who_is_removed_while_a_run_has_the_pictures(people: People) -> None:
+def test_features_of_a_person_removed_during_a_run_are_not_cached(people: People) -> None:
     pictures = people.portraits(lambda _: None)
     (people.folder / "Anna" / "letter.txt").write_text("of somebody else")
     people.remove("Anna")
@@ -84,7 +84,7 @@ def test_nothing_is_kept_of_who_is_removed_while_a_run_has_the_pictures(people: 
     assert names(people) == []
 
 
-def test_nothing_is_kept_of_a_picture_that_was_deleted_by_hand(people: People) -> None:
+def test_features_of_a_picture_deleted_by_hand_are_dropped(people: People) -> None:
     learn(people, Describer())
     people.add("Anna", [taken(98)])
     (people.folder / "Anna" / "001.png").unlink()
@@ -111,7 +111,7 @@ def test_nothing_is_kept_of_a_picture_that_was_deleted_by_hand(people: People) -
         % str([float("nan")] * FEATURE_LENGTH).replace("nan", "NaN").encode(),
     ],
 )
-def test_a_damaged_file_is_written_anew(damage: bytes, people: People) -> None:
+def test_damaged_feature_cache_is_rewritten(damage: bytes, people: People) -> None:
     path = people.folder / "Anna" / FEATURES_FILE
     path.write_bytes(damage)
     assert learn(people, Describer()) == len(ANNA) + len(BEN)
@@ -129,7 +129,7 @@ def test_a_link_is_not_followed(people: People, tmp_path: Path) -> None:
     assert kept.read_bytes() == before
 
 
-def test_where_it_cannot_be_kept_people_are_known_nevertheless(people: People) -> None:
+def test_people_are_recognised_without_a_writable_feature_cache(people: People) -> None:
     (people.folder / "Anna" / FEATURES_FILE).mkdir()
     assert learn(people, Describer()) == len(ANNA) + len(BEN)
     assert learn(people, Describer()) == len(ANNA)

@@ -56,7 +56,7 @@ def server() -> Iterator[str]:
 
 
 @pytest.mark.parametrize("place", ["good", "moved"])
-def test_a_model_is_fetched_whole_into_a_folder_that_need_not_be_there(server: str, tmp_path: Path, place: str) -> None:
+def test_model_is_fetched_into_a_new_folder(server: str, tmp_path: Path, place: str) -> None:
     counts: list[int] = []
     path = fetch(MODEL, tmp_path / "a/b", url=f"{server}/{place}", on_progress=counts.append)
     assert path == tmp_path / "a/b/small.onnx"
@@ -74,7 +74,7 @@ def test_a_model_is_fetched_whole_into_a_folder_that_need_not_be_there(server: s
         ("absent", "the server says 404 Not Found"),
     ],
 )
-def test_what_is_not_the_model_leaves_nothing_behind(server: str, tmp_path: Path, place: str, complaint: str) -> None:
+def test_wrong_download_leaves_no_file(server: str, tmp_path: Path, place: str, complaint: str) -> None:
     with pytest.raises(FetchError, match=complaint) as raised:
         fetch(MODEL, tmp_path, url=f"{server}/{place}")
     assert f"{server}/{place}" in str(raised.value)
@@ -82,7 +82,7 @@ def test_what_is_not_the_model_leaves_nothing_behind(server: str, tmp_path: Path
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_failed_download_leaves_the_file_that_was_there(server: str, tmp_path: Path) -> None:
+def test_failed_download_keeps_the_existing_file(server: str, tmp_path: Path) -> None:
     (tmp_path / MODEL.file).write_bytes(b"my own")
     with pytest.raises(FetchError):
         fetch(MODEL, tmp_path, url=f"{server}/other")
@@ -90,29 +90,29 @@ def test_a_failed_download_leaves_the_file_that_was_there(server: str, tmp_path:
     assert not is_fetched(MODEL, tmp_path)
 
 
-def test_a_server_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_unreachable_model_server_is_named(tmp_path: Path) -> None:
     with pytest.raises(FetchError, match=r"small: http://127.0.0.1:9/x: cannot be reached"):
         fetch(MODEL, tmp_path, url="http://127.0.0.1:9/x")
 
 
-def test_only_web_servers_are_asked(tmp_path: Path) -> None:
+def test_models_are_fetched_only_from_web_servers(tmp_path: Path) -> None:
     with pytest.raises(FetchError, match="not the address of a web server"):
         fetch(MODEL, tmp_path, url="file:///etc/passwd")
 
 
-def test_a_folder_that_cannot_be_made_is_named(server: str, tmp_path: Path) -> None:
+def test_models_folder_that_cannot_be_created_is_named(server: str, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(FetchError, match="file"):
         fetch(MODEL, tmp_path / "file", url=f"{server}/good")
 
 
-def test_models_are_kept_among_the_users_data() -> None:
+def test_models_folder_is_in_the_users_data_folder() -> None:
     assert models_folder({"XDG_DATA_HOME": "/data"}) == Path("/data/missiontree/models")
     assert models_folder({"XDG_DATA_HOME": "relative"}) == Path.home() / ".local/share/missiontree/models"
     assert models_folder({}) == Path.home() / ".local/share/missiontree/models"
 
 
-def test_yunet_is_known_by_the_sum_that_the_zoo_publishes() -> None:
+def test_yunet_has_the_published_checksum() -> None:
     assert YUNET.url.startswith("https://github.com/opencv/opencv_zoo/")
     assert YUNET.url.endswith(YUNET.file)
     assert (len(YUNET.sha256), YUNET.size) == (64, 232_589)
@@ -141,7 +141,7 @@ def test_the_command_lists_fetches_and_lists_again(mission: Mission, server: str
     assert "already exists" in mission("robot", "models", "fetch", "yunet", "--from", f"{server}/absent").out
 
 
-def test_the_command_says_what_went_wrong_and_what_to_try(mission: Mission, server: str) -> None:
+def test_models_fetch_command_reports_error_and_hint(mission: Mission, server: str) -> None:
     outcome = mission("robot", "models", "fetch", "yunet", "--from", f"{server}/other")
     assert outcome.code == 1
     assert "is not the file that was published" in outcome.err

@@ -28,11 +28,11 @@ def walker(request: pytest.FixtureRequest) -> LeggedRobot:
     return LeggedRobot(load_robot(shipped_files("robots")[request.param]))
 
 
-def test_the_gaits_that_ship_can_be_walked(walker: LeggedRobot) -> None:
+def test_shipped_gaits_can_be_walked(walker: LeggedRobot) -> None:
     assert [wrong for path in sorted(GAITS.glob("*.yaml")) for wrong in walker.gait_errors(walker.load(path))] == []
 
 
-def test_a_blend_of_two_walks_is_between_them_and_can_be_walked(walker: LeggedRobot) -> None:
+def test_blend_of_two_gaits_is_between_them_and_can_be_walked(walker: LeggedRobot) -> None:
     one, other = walker.load(STROLL), walker.load(CURVE)
     middle = blend_gaits(one, other, 0.5)
     assert walker.gait_errors(middle) == []
@@ -56,12 +56,12 @@ def test_a_gait_scaled_out_of_reach_is_refused_with_joint_and_time(walker: Legge
     assert "too far from the hip" in wrong[0]
 
 
-def test_a_gait_that_is_too_fast_is_refused_with_joint_time_and_speed(walker: LeggedRobot) -> None:
+def test_too_fast_gait_is_refused_with_joint_time_and_speed(walker: LeggedRobot) -> None:
     wrong = walker.gait_errors(scale_gait(walker.load(STROLL), time=0.3))
     assert any("deg/s, faster than" in each and " s: " in each for each in wrong)
 
 
-def test_a_robot_that_presses_beside_its_soles_is_told_of(walker: LeggedRobot) -> None:
+def test_pressure_outside_the_soles_is_reported(walker: LeggedRobot) -> None:
     gait = walker.load(STROLL)
     still = np.broadcast_to(gait.feet.mean(axis=0), gait.feet.shape).copy()
     still[..., 2] = gait.feet[..., 2]  # up and down, without any sway
@@ -69,7 +69,7 @@ def test_a_robot_that_presses_beside_its_soles_is_told_of(walker: LeggedRobot) -
     assert any("outside of its soles" in each for each in wrong)
 
 
-def test_soles_that_would_hit_each_other_are_told_of(walker: LeggedRobot) -> None:
+def test_colliding_soles_are_reported(walker: LeggedRobot) -> None:
     gait = walker.load(STROLL)
     near = gait.feet.copy()
     near[..., 1] *= 0.4
@@ -77,7 +77,7 @@ def test_soles_that_would_hit_each_other_are_told_of(walker: LeggedRobot) -> Non
     assert any("hits" in each for each in wrong)
 
 
-def test_weak_servos_are_told_of_by_their_torque() -> None:
+def test_weak_servos_are_reported_with_their_torque() -> None:
     weak = LeggedRobot(load_robot(shipped_files("robots")["op3"]))
     weak.torques = dict.fromkeys(weak.torques, 0.5)
     assert any("more than its servo's 0.5 Nm" in each for each in weak.gait_errors(weak.load(STROLL)))
@@ -96,7 +96,7 @@ def test_a_gait_goes_into_files_and_comes_back(walker: LeggedRobot, tmp_path: Pa
         assert support_margins(walker.body, again, again.angles(walker.body)[0]).min() > 0
 
 
-def test_commands_refuse_before_they_write(tmp_path: Path) -> None:
+def test_scale_writes_no_file_for_an_invalid_gait(tmp_path: Path) -> None:
     out = tmp_path / "long.yaml"
     ran = CliRunner().invoke(command, ["scale", str(STROLL), "--length", "6", "-o", str(out)])
     assert ran.exit_code == 1
@@ -124,7 +124,7 @@ def test_commands_blend_mirror_and_put_in_a_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("ending", [".png", ".svg"])
-def test_a_gait_is_drawn_with_its_soles_and_joints(tmp_path: Path, ending: str) -> None:
+def test_gait_picture_shows_soles_and_joints(tmp_path: Path, ending: str) -> None:
     picture = tmp_path / f"stroll{ending}"
     ran = CliRunner().invoke(show, [str(STROLL), "-o", str(picture)])
     assert ran.exit_code == 0, ran.output
@@ -150,7 +150,7 @@ def test_a_gait_is_filmed_for_two_cycles(tmp_path: Path) -> None:
     assert np.abs(first - pictures[len(pictures) // 2])[:400].mean() < 2  # and a cycle on it is as before
 
 
-def test_a_gait_out_of_reach_and_a_place_that_is_not_there_are_not_filmed(tmp_path: Path) -> None:
+def test_unreachable_gait_and_missing_folder_are_refused(tmp_path: Path) -> None:
     far = tmp_path / "far.yaml"
     walker = LeggedRobot(load_robot(shipped_files("robots")["humanoid"]))
     far.write_text(format_gait(scale_gait(walker.load(STROLL), length=6.0), "far"))
@@ -162,14 +162,14 @@ def test_a_gait_out_of_reach_and_a_place_that_is_not_there_are_not_filmed(tmp_pa
     assert not (tmp_path / "x.webm").exists()
 
 
-def test_a_gait_goes_by_the_name_of_its_file_whatever_that_is(tmp_path: Path) -> None:
+def test_gait_is_named_after_its_file(tmp_path: Path) -> None:
     for name in ("a: b", "yes", "- 1", 'half "done"'):
         file = tmp_path / f"{name}.yaml"
         assert CliRunner().invoke(command, ["make", "stroll", "-o", str(file)]).exit_code == 0
         assert load_gait(file).gait == name
 
 
-def test_a_gait_file_without_its_length_is_refused_with_the_place(tmp_path: Path) -> None:
+def test_gait_file_without_step_length_is_refused_with_position(tmp_path: Path) -> None:
     path = tmp_path / "lame.yaml"
     path.write_text("gait: lame\nwalk: {turn: 5 deg}\n")
     with pytest.raises(InvalidFileError, match=r"lame\.yaml:2:.*step"):
@@ -179,7 +179,7 @@ def test_a_gait_file_without_its_length_is_refused_with_the_place(tmp_path: Path
         load_gait(path)
 
 
-def test_a_step_that_the_stride_forbids_and_a_robot_on_wheels_are_refused(walker: LeggedRobot, tmp_path: Path) -> None:
+def test_too_long_step_and_robot_without_legs_are_refused(walker: LeggedRobot, tmp_path: Path) -> None:
     path = tmp_path / "giant.yaml"
     path.write_text("gait: giant\nwalk: {step: 40 cm}\n")
     with pytest.raises(BadRequest, match="giant: step: a step can be"):

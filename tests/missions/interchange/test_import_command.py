@@ -38,7 +38,7 @@ def test_an_imported_mission_is_checked_shown_and_mocked_but_not_run(mission: Mi
     assert mission("test", "made/patrol.test.yaml", "--jobs", "1").code == 0
 
 
-def test_a_stub_runs_once_its_update_is_written(mission: Mission, tmp_path: Path) -> None:
+def test_stub_runs_after_its_update_is_implemented(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "tree.xml").write_text(tree_text(GRASP))
     mission("import", "tree.xml", "-o", "made")
     file = tmp_path / "made" / "behaviours" / "tree.py"
@@ -84,7 +84,7 @@ def test_mistakes_are_reported_with_their_place(mission: Mission, tmp_path: Path
     assert not (tmp_path / "made").exists()
 
 
-def test_a_folder_is_imported_with_its_readable_files(mission: Mission, tmp_path: Path) -> None:
+def test_import_of_a_folder_reports_unreadable_files(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "trees").mkdir()
     (tmp_path / "trees" / "a.xml").write_text(tree_text('<SubTree ID="Dock"/>'))
     (tmp_path / "trees" / "b.xml").write_text(tree_text("<AlwaysSuccess/>").replace("Patrol", "Dock"))
@@ -113,7 +113,7 @@ def test_includes_stay_in_the_folder(mission: Mission, tmp_path: Path) -> None:
     assert not (tmp_path / "made" / "secret.yaml").exists()
 
 
-def test_files_that_include_each_other_are_refused(mission: Mission, tmp_path: Path) -> None:
+def test_circular_includes_are_refused(mission: Mission, tmp_path: Path) -> None:
     for name, other in (("a", "b"), ("b", "a")):
         tree = tree_text("<AlwaysSuccess/>", more=f'<include path="{other}.xml"/>').replace("Patrol", name.upper())
         (tmp_path / f"{name}.xml").write_text(tree)

@@ -42,7 +42,7 @@ def test_nodes_become_words_of_missions(node: str, lines: list[str], tmp_path: P
     assert not remarks(imported)
 
 
-def test_counts_of_a_parallel_are_written_only_where_they_matter(tmp_path: Path) -> None:
+def test_parallel_counts_are_imported_only_if_they_matter(tmp_path: Path) -> None:
     def keys(ports: str) -> list[str]:
         node = f"<Parallel {ports}><AlwaysSuccess/><AlwaysSuccess/><AlwaysFailure/></Parallel>"
         return tree_lines(import_text(tmp_path, tree_text(node)))[4:]
@@ -110,7 +110,7 @@ def test_conditions_on_a_node_become_checks_and_modifiers(tmp_path: Path) -> Non
     assert lines('_failureIf="n == 1"') == ["  - sequence:", "      - check: n != 1", "      - grasp"]
 
 
-def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> None:
+def test_post_condition_scripts_run_after_end_or_halt(tmp_path: Path) -> None:
     def lines(attributes: str) -> list[str]:
         body = f'<Sequence><Script code="n := 1"/><Grasp {attributes}/></Sequence>'
         return tree_lines(import_text(tmp_path, tree_text(body)))[2:]
@@ -138,7 +138,7 @@ def test_scripts_after_a_node_run_after_its_end_or_its_halt(tmp_path: Path) -> N
     ]
 
 
-def test_a_pipeline_repeats_its_first_child_while_the_next_runs(tmp_path: Path) -> None:
+def test_pipeline_repeats_its_first_child_while_the_next_runs(tmp_path: Path) -> None:
     node = """<PipelineSequence name="navigate">
       <RateController hz="2.0"><ComputePathToPose goal="{goal}" path="{path}"/></RateController>
       <FollowPath path="{path}"/></PipelineSequence>"""
@@ -195,7 +195,7 @@ def test_subtrees_of_version_3_name_entries_without_braces(tmp_path: Path) -> No
     assert lines[2:] == ["  - mission: drive_to", '    with: {place: "${where}"}']
 
 
-def test_a_subtree_in_another_file_becomes_a_stub_or_a_mission(tmp_path: Path) -> None:
+def test_subtree_in_another_file_becomes_a_stub_or_a_mission(tmp_path: Path) -> None:
     text = tree_text('<SubTree ID="Charge"/>')
     alone = import_text(tmp_path, text)
     assert tree_lines(alone) == ["charge"]
@@ -206,7 +206,7 @@ def test_a_subtree_in_another_file_becomes_a_stub_or_a_mission(tmp_path: Path) -
     assert tree_lines(import_trees(tmp_path, LEAVES)) == ["mission: charge"]
 
 
-def test_names_that_missions_reserve_are_changed_and_reported(tmp_path: Path) -> None:
+def test_reserved_names_are_changed_and_reported(tmp_path: Path) -> None:
     imported = import_text(tmp_path, tree_text('<Script code="battery := 1"/>'))
     assert tree_lines(imported) == ["set: {battery_: 1}"]
     assert remarks(imported) == ["patrol.xml:1: Patrol: the entry 'battery' is the variable 'battery_'"]

@@ -55,7 +55,7 @@ def mission(site: Path, *arguments: str, folder: Path = SAMPLE) -> subprocess.Co
     )
 
 
-def test_what_the_page_shows_is_what_the_sample_is_made_of() -> None:
+def test_page_code_matches_the_sample_sources() -> None:
     sources = "\n".join(path.read_text(encoding="utf-8") for path in [*SAMPLE.rglob("*.py"), SAMPLE / "pyproject.toml"])
     blocks = re.findall(r"```(?:python|toml)\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) == 6
@@ -66,7 +66,7 @@ def test_what_the_page_shows_is_what_the_sample_is_made_of() -> None:
             assert told in sources, f"the sample has no such lines:\n{told}"
 
 
-def test_they_are_listed_with_whose_they_are_and_in_the_schema(site: Path) -> None:
+def test_outside_drivers_are_listed_with_their_package_and_in_the_schema(site: Path) -> None:
     listed = mission(site, "list", "drivers")
     assert "base.rover" in listed.stdout
     assert "A rover that talks in lines of text. (of sample-robot)" in listed.stdout
@@ -110,7 +110,7 @@ def test_a_robot_of_theirs_is_checked_with_their_keys_and_rules(site: Path, tmp_
     ],
     ids=["square-fast", "greet-fast"],
 )
-def test_it_runs_in_simulated_time(site: Path, arguments: tuple[str, ...]) -> None:
+def test_outside_driver_runs_in_simulated_time(site: Path, arguments: tuple[str, ...]) -> None:
     ran = mission(site, "run", *arguments, "--robot", "sample.yaml", "--json")
     assert ran.returncode == 0, ran.stderr
     assert json.loads(ran.stdout.splitlines()[-1])["result"] == "success"
@@ -119,7 +119,7 @@ def test_it_runs_in_simulated_time(site: Path, arguments: tuple[str, ...]) -> No
 @pytest.mark.real_time
 @pytest.mark.parametrize("name", ["square_3m", "greet"])
 @pytest.mark.timeout(300)
-def test_it_runs_down_to_the_wire(site: Path, name: str) -> None:
+def test_outside_driver_runs_down_to_the_wire(site: Path, name: str) -> None:
     here = ("--world", "square_arena", "--param", "side=20 cm") if name == "square_3m" else ()
     ran = mission(site, "run", name, "--robot", "sample.yaml", "--simulate", "wire", *here, "--json")
     assert ran.returncode == 0, ran.stderr
@@ -141,7 +141,7 @@ class Reporting:
 
 
 @pytest.mark.real_time
-def test_it_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
+def test_outside_driver_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
     desk = RecordedMachine(tmp_path / "machine")
     with closing(PseudoTerminal("rover", Reporting(), SystemClock())) as terminal:
         terminal.open()
@@ -152,7 +152,7 @@ def test_it_is_recognised_on_a_port(site: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.real_time
-def test_it_is_looked_at_by_its_own_check_up(site: Path, tmp_path: Path) -> None:
+def test_outside_driver_is_checked_by_its_own_doctor(site: Path, tmp_path: Path) -> None:
     desk = RecordedMachine(tmp_path / "machine")
     with closing(PseudoTerminal("rover", Reporting(), SystemClock())) as terminal:
         terminal.open()
@@ -164,7 +164,7 @@ def test_it_is_looked_at_by_its_own_check_up(site: Path, tmp_path: Path) -> None
     assert found["base", "reports"]["message"].endswith(" a second")
 
 
-def test_a_broken_declaration_is_told_in_one_line_and_breaks_nothing_else(site: Path, tmp_path: Path) -> None:
+def test_broken_declaration_is_reported_in_one_line_and_affects_no_other(site: Path, tmp_path: Path) -> None:
     """Everything else goes on; who names the broken driver is told whose it is, and what is wrong."""
     package = tmp_path / "site"
     (package / "broken_robot").mkdir(parents=True)

@@ -31,7 +31,7 @@ DRIVERS = [DriverTable().find(kind, name) for kind, names in BUILT_IN_DRIVERS.it
 
 
 @pytest.mark.parametrize("driver", DRIVERS, ids=lambda driver: f"{driver.kind}-{driver.name}")
-def test_each_driver_is_declared_under_its_name_and_its_dotted_names_take_its_keys(driver: Driver) -> None:
+def test_each_driver_is_declared_by_name_and_its_paths_accept_its_keys(driver: Driver) -> None:
     assert BUILT_IN_DRIVERS[driver.kind][driver.name]
     assert issubclass(driver.keys, KINDS[driver.kind].keys)
     for name, place in ((driver.make, DriverContext), (driver.twin, SimContext), (driver.virtual, SimContext)):
@@ -42,14 +42,14 @@ def test_each_driver_is_declared_under_its_name_and_its_dotted_names_take_its_ke
             assert hints[second] is place, name
 
 
-def test_every_part_on_a_wire_has_its_twin_and_its_virtual_device() -> None:
+def test_every_part_with_a_port_has_a_twin_and_a_virtual_device() -> None:
     for driver in DRIVERS:
         assert bool(driver.twin) == KINDS[driver.kind].has_port, driver.name
         assert bool(driver.virtual) >= KINDS[driver.kind].has_port, driver.name  # a camera of ROS 2 has one, too
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
-def test_each_kind_is_a_field_of_the_robot_and_its_protocols_are_there(kind: object) -> None:
+def test_each_part_kind_has_a_robot_field_and_protocols(kind: object) -> None:
     found = KINDS[str(getattr(kind, "name", ""))]
     hints = get_type_hints(Robot)
     assert hints[f"{found.field}_part"] == resolve_name(found.leaf_protocol or found.protocol) | None
@@ -57,7 +57,7 @@ def test_each_kind_is_a_field_of_the_robot_and_its_protocols_are_there(kind: obj
     assert not found.default_driver or found.default_driver in BUILT_IN_DRIVERS[found.name]
 
 
-def test_every_key_says_what_it_does() -> None:
+def test_every_driver_key_has_help() -> None:
     silent = [
         f"{cls.__name__}.{key.field}" for driver in DRIVERS for cls, key in _all_keys(driver.keys) if not key.help
     ]
@@ -73,7 +73,7 @@ def _all_keys(cls: type) -> list[tuple[type, Key]]:
     return found
 
 
-def test_the_drivers_of_the_house_are_found_without_looking_for_others(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_built_in_drivers_are_found_without_entry_points(monkeypatch: pytest.MonkeyPatch) -> None:
     def looked(group: str) -> None:
         raise AssertionError(f"looked for {group}")
 
@@ -104,7 +104,7 @@ print("\\n".join(sys.modules))
 """
 
 
-def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_not_use() -> None:
+def test_real_robot_imports_no_simulation_or_unused_drivers() -> None:
     done = subprocess.run([sys.executable, "-c", METAL], capture_output=True, text=True, check=True)
     imported = done.stdout.split()
     assert "drivers.kobuki.driver" in imported
@@ -116,7 +116,7 @@ def test_the_metal_imports_no_simulation_and_no_driver_of_a_part_that_it_does_no
     assert not [name for name in imported if name.startswith(("missions.assembly.simul", "missions.assembly.twin"))]
 
 
-def test_a_simulation_lets_no_driver_at_its_own_port_that_has_no_virtual_device() -> None:
+def test_wire_simulation_refuses_a_driver_without_virtual_device() -> None:
     robot = load_robot(find_file("robots", "turtlebot2"))
     base = robot.sections["base"]
     bare = replace(base, driver=replace(base.driver, virtual=""))

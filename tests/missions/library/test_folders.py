@@ -8,7 +8,7 @@ import pytest
 from missions.library.folders import data_folder, state_folder
 
 
-def test_the_users_environment_says_where() -> None:
+def test_folders_follow_the_xdg_environment() -> None:
     environment = {"XDG_DATA_HOME": "/data", "XDG_STATE_HOME": "/state"}
     assert data_folder(environment) == Path("/data/missiontree")
     assert state_folder(environment) == Path("/state/missiontree")
@@ -22,7 +22,7 @@ def test_a_user_without_a_home_has_folders_that_do_not_exist(home: str, monkeypa
 
 
 @pytest.mark.parametrize("named", ["", "relative/folder"])
-def test_what_is_no_absolute_path_counts_as_not_set(named: str) -> None:
+def test_relative_xdg_paths_are_ignored(named: str) -> None:
     environment = {"XDG_DATA_HOME": named, "XDG_STATE_HOME": named}
     assert data_folder(environment) == data_folder({}) == Path.home() / ".local/share/missiontree"
     assert state_folder(environment) == state_folder({}) == Path.home() / ".local/state/missiontree"

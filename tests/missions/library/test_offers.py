@@ -15,7 +15,7 @@ ABOUT = "Metadata-Version: 2.1\nName: somebodys\nVersion: 1.0\n"
 
 
 @pytest.mark.parametrize("folder", ["somebodys-1.0.dist-info", "somebodys-1.0.egg-info"])
-def test_a_distribution_in_a_folder_offers_what_it_declares(
+def test_distribution_in_a_folder_offers_its_entry_points(
     folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     info = tmp_path / folder
@@ -41,7 +41,7 @@ print(*(point.name for point in entry_points_of({GROUP!r})))
     assert said(program) == ["first", "second"]
 
 
-def test_nobody_offers_anything_of_a_group_that_nobody_names() -> None:
+def test_unknown_entry_point_group_is_empty() -> None:
     assert not entry_points_of("missiontree.nobody")
 
 
@@ -59,7 +59,7 @@ WITHOUT = (
 """What a check of a mission that greets has no use for."""
 
 
-def test_a_check_imports_only_what_the_mission_names() -> None:
+def test_check_imports_only_packages_that_the_mission_names() -> None:
     program = """
 import sys
 from missions.cli.root import mission

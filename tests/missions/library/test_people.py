@@ -53,7 +53,7 @@ def portraits(people: People) -> dict[str, list[Image]]:
     return found
 
 
-def test_pictures_are_kept_by_name_for_their_owner_only(people: People) -> None:
+def test_pictures_are_stored_by_name_with_private_permissions(people: People) -> None:
     assert people.add("Anna", ANNA) == "Anna"
     assert people.add("anna", [taken(3)]) == "Anna"
     (known,) = people.known_people()
@@ -66,7 +66,7 @@ def test_pictures_are_kept_by_name_for_their_owner_only(people: People) -> None:
     assert {rights(file) for file in files} == {0o600}
 
 
-def test_nothing_is_left_of_whom_one_removes(people: People) -> None:
+def test_remove_deletes_all_pictures_of_a_person(people: People) -> None:
     people.add("Anna", ANNA)
     people.add("Ben", BEN)
     assert people.remove("ANNA") == 3
@@ -76,14 +76,14 @@ def test_nothing_is_left_of_whom_one_removes(people: People) -> None:
     assert refused.value.hint == "known: Ben"
 
 
-def test_nobody_is_known_where_there_is_no_folder(people: People) -> None:
+def test_missing_people_folder_has_no_known_people(people: People) -> None:
     assert people.known_people() == []
     assert portraits(people) == {}
     assert not people.restrict_access()
     assert not people.folder.exists(), "looking made no folder"
 
 
-def test_they_are_kept_among_the_users_data(tmp_path: Path) -> None:
+def test_people_folder_is_in_the_users_data_folder(tmp_path: Path) -> None:
     assert people_folder({"XDG_DATA_HOME": str(tmp_path)}) == tmp_path / "missiontree/people"
     assert people_folder({}) == Path.home() / ".local/share/missiontree/people"
 
@@ -128,7 +128,7 @@ def test_only_pictures_and_their_folders_are_shut(crowded: People) -> None:
     assert seen(crowded.folder.parent / "outside") == outside
 
 
-def test_a_folder_in_which_nobody_is_known_is_left_as_it_is(tmp_path: Path) -> None:
+def test_folder_without_people_is_left_unchanged(tmp_path: Path) -> None:
     (tmp_path / "src").mkdir(0o755)
     (tmp_path / "src/tool").touch(0o755)
     tmp_path.chmod(0o755)
@@ -138,7 +138,7 @@ def test_a_folder_in_which_nobody_is_known_is_left_as_it_is(tmp_path: Path) -> N
     assert rights(tmp_path) == 0o755
 
 
-def test_only_who_has_pictures_is_somebody_and_can_be_removed(crowded: People) -> None:
+def test_only_people_with_pictures_are_known_and_removable(crowded: People) -> None:
     before = seen(crowded.folder)
     assert [each.name for each in crowded.known_people()] == ["Anna"]
     for name in ("proj", "Zoe", "..", "notes.txt"):
@@ -149,7 +149,7 @@ def test_only_who_has_pictures_is_somebody_and_can_be_removed(crowded: People) -
         "Anna/001.png", "Anna/002.png", "Anna/003.png"}}  # fmt: skip
 
 
-def test_nobody_is_added_into_what_a_link_leads_to(crowded: People) -> None:
+def test_add_does_not_follow_a_link(crowded: People) -> None:
     outside = seen(crowded.folder.parent / "outside")
     with pytest.raises(PeopleError, match="Zoe: nothing was stored: Not a directory"):
         crowded.add("Zoe", CHIDI)
@@ -157,7 +157,7 @@ def test_nobody_is_added_into_what_a_link_leads_to(crowded: People) -> None:
     assert not list(crowded.folder.glob(".*"))
 
 
-def test_what_bears_the_name_of_a_picture_is_not_written_over(crowded: People) -> None:
+def test_existing_picture_names_are_not_overwritten(crowded: People) -> None:
     crowded.add("Anna", [taken(3)])
     home = crowded.folder / "Anna"
     assert (home / "007.png").is_symlink()
@@ -167,7 +167,7 @@ def test_what_bears_the_name_of_a_picture_is_not_written_over(crowded: People) -
 # --- what happens meanwhile ----------------------------------------------------------------------------------------
 
 
-def test_a_link_that_leads_nowhere_is_no_picture(people: People) -> None:
+def test_dangling_link_is_not_counted_as_a_picture(people: People) -> None:
     people.add("Anna", ANNA)
     (people.folder / "Anna/017.png").symlink_to("nowhere.png")
     (people.folder / "link").symlink_to("nowhere")
@@ -176,7 +176,7 @@ def test_a_link_that_leads_nowhere_is_no_picture(people: People) -> None:
     assert len(portraits(people)["Anna"]) == 3
 
 
-def test_a_folder_that_has_gone_meanwhile_holds_nothing(tmp_path: Path) -> None:
+def test_vanished_folder_has_no_picture_files(tmp_path: Path) -> None:
     assert picture_files(tmp_path / "gone") == {}
 
 
@@ -217,7 +217,7 @@ def test_people_are_added_and_removed_beside_readers(people: People) -> None:
     assert met, "Anna was never there"
 
 
-def test_two_who_are_added_at_once_are_both_there(people: People) -> None:
+def test_concurrent_adds_are_all_stored(people: People) -> None:
     def add(name: str, first: int) -> None:
         for number in range(10):
             people.add(name, [taken(first + 3 * number + each) for each in range(3)])
@@ -231,7 +231,7 @@ def test_two_who_are_added_at_once_are_both_there(people: People) -> None:
     assert [path.name for path in people.folder.iterdir()] == ["Anna"]
 
 
-def test_what_one_who_was_killed_has_left_is_nobody_and_goes(people: People) -> None:
+def test_leftovers_of_a_killed_add_are_ignored_and_removed(people: People) -> None:
     people.add("Ben", BEN)
     left = people.folder / ".new-abc"
     left.mkdir()
@@ -255,7 +255,7 @@ def test_a_picture_counts_once(people: People) -> None:
     assert [each.pictures for each in people.known_people()] == [4]
 
 
-def test_a_picture_of_somebody_else_is_refused(people: People) -> None:
+def test_picture_of_another_person_is_refused(people: People) -> None:
     people.add("Anna", ANNA)
     with pytest.raises(PeopleError, match="one of the pictures of Ben is already stored for Anna") as refused:
         people.add("Ben", [*BEN, ANNA[1]])
@@ -273,7 +273,7 @@ def small_files() -> Iterator[None]:
 
 
 @pytest.mark.usefixtures("small_files")
-def test_where_there_is_no_room_nothing_of_somebody_new_is_kept(people: People) -> None:
+def test_full_disk_stores_no_new_person(people: People) -> None:
     with pytest.raises(PeopleError, match="Anna: nothing was stored: File too large") as refused:
         people.add("Anna", [*ANNA, taken(3, size=100)])
     assert "df -h" in refused.value.hint
@@ -281,7 +281,7 @@ def test_where_there_is_no_room_nothing_of_somebody_new_is_kept(people: People) 
 
 
 @pytest.mark.usefixtures("small_files")
-def test_where_there_is_no_room_those_who_are_there_stay_as_they_were(people: People) -> None:
+def test_full_disk_leaves_a_known_person_unchanged(people: People) -> None:
     people.add("Anna", ANNA)
     with pytest.raises(PeopleError, match="File too large"):
         people.add("Anna", [taken(3), taken(4, size=100)])
@@ -289,7 +289,7 @@ def test_where_there_is_no_room_those_who_are_there_stay_as_they_were(people: Pe
     assert [path.name for path in people.folder.iterdir()] == ["Anna"]
 
 
-def test_pictures_that_cannot_all_be_added_are_all_taken_back(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_add_removes_all_of_its_pictures(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
     people.add("Anna", ANNA)
     rename = Path.rename
 
@@ -308,7 +308,7 @@ HALF = cv2.imencode(".png", ANNA[0])[1].tobytes()[:60]
 
 
 @pytest.mark.parametrize("content", [b"no picture", b"", HALF], ids=["text", "empty", "half"])
-def test_a_picture_that_is_none_is_named_and_left_out(people: People, content: bytes) -> None:
+def test_invalid_picture_is_reported_and_skipped(people: People, content: bytes) -> None:
     people.add("Anna", [*ANNA, taken(3)])
     people.add("Ben", BEN)
     (people.folder / "Anna/001.png").write_bytes(content)
@@ -320,7 +320,7 @@ def test_a_picture_that_is_none_is_named_and_left_out(people: People, content: b
     assert error.hint == f"rm {people.folder}/Anna/001.png"
 
 
-def test_who_has_too_few_pictures_is_named_and_left_out(people: People) -> None:
+def test_person_with_too_few_pictures_is_reported_and_skipped(people: People) -> None:
     people.add("Anna", ANNA)
     people.add("Ben", BEN)
     (people.folder / "Anna/001.png").unlink()
@@ -339,7 +339,7 @@ NAMES = ["Anna", "Anne-Marie", "Li Wei", "Jos\u00e9", "Ben_2", "\u00c4", "O'Brie
 
 
 @pytest.mark.parametrize("name", NO_NAMES)
-def test_what_cannot_be_a_name_is_refused(people: People, name: str) -> None:
+def test_invalid_person_name_is_refused(people: People, name: str) -> None:
     with pytest.raises(PeopleError) as refused:
         people.add(name, ANNA)
     assert refused.value.hint
@@ -356,7 +356,7 @@ def test_names_of_people_are_names(people: People, name: str) -> None:
 
 
 @given(st.text(max_size=70))
-def test_no_name_leads_out_of_the_folder_or_hides_in_it(name: str) -> None:
+def test_proper_name_stays_within_the_folder_and_is_not_hidden(name: str) -> None:
     try:
         found = proper_name(name)
     except PeopleError:
@@ -366,14 +366,14 @@ def test_no_name_leads_out_of_the_folder_or_hides_in_it(name: str) -> None:
     assert len(os.fsencode(found)) <= 255
 
 
-def test_a_name_is_the_same_however_it_is_written(people: People) -> None:
+def test_person_names_are_normalised(people: People) -> None:
     people.add("Jose\u0301", ANNA)
     assert people.find(" JOS\u00c9") == "Jos\u00e9"
     people.add("\u0639\u0644\u06cc\u200c\u0631\u0636\u0627", BEN)
     assert people.find("\u0639\u0644\u06cc\u0631\u0636\u0627") is not None
 
 
-def test_of_very_many_pictures_some_are_learnt_from_spread_over_all_of_them(tmp_path: Path) -> None:
+def test_many_pictures_are_sampled_evenly(tmp_path: Path) -> None:
     people, told = People(tmp_path), list[PeopleError]()
     people.add("Anna", [taken(number, 4) for number in range(150)])
     people.add("Ben", [taken(1000 + number, 4) for number in range(3)])
@@ -385,7 +385,7 @@ def test_of_very_many_pictures_some_are_learnt_from_spread_over_all_of_them(tmp_
     assert [each.pictures for each in people.known_people()] == [150, 3]
 
 
-def test_very_many_people_share_the_room_and_those_without_are_named(tmp_path: Path) -> None:
+def test_many_people_share_the_limit_and_the_rest_are_reported(tmp_path: Path) -> None:
     people, told = People(tmp_path), list[PeopleError]()
     data = cv2.imencode(".png", taken(0, 4))[1].tobytes()
     for number in range(MAX_PICTURES_TOGETHER // MIN_PICTURES + 2):

@@ -35,12 +35,12 @@ def install(site: Path, name: str, body: str) -> None:
     (info / "entry_points.txt").write_text(f"[missiontree.plugins]\n{name} = plug_{name}:IT\n", encoding="utf-8")
 
 
-def test_without_other_distributions_there_are_only_our_own(site: Path) -> None:
+def test_plugins_without_other_distributions_are_built_in(site: Path) -> None:
     del site
     assert [each.name for each in plugins.plugins()] == [*plugins.built_in_plugins()]
 
 
-def test_a_plug_in_of_another_distribution_is_found_and_used(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plugin_of_another_distribution_is_found_and_loaded(site: Path, capsys: pytest.CaptureFixture[str]) -> None:
     kinds = "{'.dance': FileKind(check='plug_dance:STEPS')}"
     install(site, "dance", f"IT = Plugin('dance', commands={COMMAND}, file_kinds={kinds})\nSTEPS = 3\n")
     found = plugins.find_command("dance")
@@ -89,13 +89,13 @@ def test_broken_plug_ins_are_named_and_the_rest_works(site: Path, capsys: pytest
     assert not capsys.readouterr().err  # once in a process
 
 
-def test_a_plug_in_may_need_one_that_is_found_later(site: Path) -> None:
+def test_plugin_may_need_a_plugin_found_later(site: Path) -> None:
     install(site, "alpha", "IT = Plugin('alpha', needs=('omega',))\n")
     install(site, "omega", "IT = Plugin('omega', needs=('testing',))\n")
     assert {*plugins.installed_plugins()} == {"alpha", "omega"}
 
 
-def test_code_that_cannot_be_loaded_names_its_plug_in_and_its_extra() -> None:
+def test_unloadable_plugin_is_reported_with_its_extra() -> None:
     broken = Plugin("dance", extra="music", commands={"dance": CommandEntry(RUN, "not_there:command", "")})
     with pytest.raises(plugins.BrokenPluginError, match="the plug-in 'dance' cannot be loaded") as caught:
         plugins.load(broken, broken.commands["dance"].path)
@@ -104,7 +104,7 @@ def test_code_that_cannot_be_loaded_names_its_plug_in_and_its_extra() -> None:
 
 
 @each("path", ["json:not_there", "json", "", ":", "json:"])
-def test_a_path_that_means_nothing_is_an_error_of_its_plug_in(path: str) -> None:
+def test_invalid_plugin_path_is_reported_with_the_plugin(path: str) -> None:
     with pytest.raises(plugins.BrokenPluginError, match="the plug-in 'dance' cannot be loaded"):
         plugins.load(Plugin("dance"), path)
 
@@ -117,7 +117,7 @@ def test_without_our_plug_ins_the_core_has_none(monkeypatch: pytest.MonkeyPatch)
     plugins.built_in_plugins.cache_clear()
 
 
-def test_every_path_of_our_plug_ins_leads_somewhere() -> None:
+def test_every_path_of_built_in_plugins_loads() -> None:
     for plugin in plugins.built_in_plugins().values():
         kinds: list[FileKind] = [*plugin.file_kinds.values()]
         paths = [

@@ -40,7 +40,7 @@ def test_the_plug_in_adds_a_command_an_option_and_a_kind_of_file(site: Path, tmp
     assert "--diary FILE.diary" in mission(site, "run", "--help-all").stdout
 
 
-def test_errors_of_the_plug_in_are_those_of_a_command(site: Path, tmp_path: Path) -> None:
+def test_plugin_errors_are_reported_like_command_errors(site: Path, tmp_path: Path) -> None:
     refused = mission(site, "run", "greet", "--simulate", "fast", "--diary", "a.txt", folder=tmp_path)
     assert (refused.returncode, "the name must end in .diary" in refused.stderr) == (2, True)
     (tmp_path / "bad.diary").write_text("yesterday\n", encoding="utf-8")

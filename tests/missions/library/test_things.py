@@ -7,7 +7,7 @@ import pytest
 from missions.library.lookups import find_controller
 
 
-def test_a_controller_is_worked_out_once_and_anew_where_its_file_has_changed(tmp_path: Path) -> None:
+def test_controller_is_cached_until_its_file_changes(tmp_path: Path) -> None:
     file = tmp_path / "mine.yaml"
     file.write_text("controller: mine\nturn: {p: 1.2, d: 0.1}\n", encoding="utf-8")
     first = find_controller(str(file))

@@ -71,7 +71,7 @@ def test_a_file_beside_a_mission_is_named_and_skipped(
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_link_to_itself_beside_a_mission_is_named_and_skipped(capsys: pytest.CaptureFixture[str]) -> None:
+def test_circular_link_beside_a_mission_is_reported_and_skipped(capsys: pytest.CaptureFixture[str]) -> None:
     Path("behaviours/bad.py").symlink_to("bad.py")
     Path("m.yaml").write_text("mission: m\ntree:\n  hop\n")
     checked = command(capsys, "check", "m.yaml")
@@ -80,7 +80,7 @@ def test_a_link_to_itself_beside_a_mission_is_named_and_skipped(capsys: pytest.C
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_mission_that_needs_what_was_skipped_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_behaviour_error_names_the_skipped_file(capsys: pytest.CaptureFixture[str]) -> None:
     Path("behaviours/bad.py").write_text("raise KeyboardInterrupt\n")
     Path("m.yaml").write_text("mission: m\ntree:\n  wobble\n")
     checked = command(capsys, "check", "m.yaml")
@@ -123,7 +123,7 @@ def test_an_installed_package_is_named_and_skipped(
     assert (listed.code, "Traceback" in listed.err) == (0, False)
 
 
-def test_what_an_import_prints_is_no_part_of_an_answer(folder: Path) -> None:
+def test_output_of_an_import_is_kept_out_of_the_answer(folder: Path) -> None:
     (folder / "behaviours/loud.py").write_text(f"import sys\nprint('loud')\nsys.stdout.buffer.write(b'\\xff')\n{GOOD}")
     (folder / "behaviours/hop.py").unlink()
     asked = [sys.executable, "-m", "missions", "check", "m.yaml", "--json"]

@@ -81,7 +81,7 @@ def test_a_leaf_is_one_class_in_one_file() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_plain_behaviour_runs_in_a_mission_by_its_own_rules() -> None:
+def test_plain_behaviour_runs_in_a_mission() -> None:
     Path("counter.py").write_text(COUNTER)
     Path("m.yaml").write_text(
         "mission: m\nparams: {many: 2}\ntree:\n  sequence: [{count_to: 2}, {count_to: {limit: '${many}', step: 2}}]\n"
@@ -94,7 +94,7 @@ def test_a_plain_behaviour_runs_in_a_mission_by_its_own_rules() -> None:
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_behaviour_is_kept_from_start_to_start_and_made_afresh_for_new_arguments() -> None:
+def test_behaviour_is_reused_until_its_arguments_change() -> None:
     Path("counter.py").write_text(COUNTER)
     Path("m.yaml").write_text(
         "mission: m\ntree:\n  sequence:\n    - set: {many: 1}\n    - sequence:\n"
@@ -158,7 +158,7 @@ def test_parameters_become_arguments_by_their_annotations() -> None:
     assert (leaf.tag, leaf.__doc__) == ("many", "Much.")
 
 
-def test_what_a_mission_cannot_give_is_refused() -> None:
+def test_behaviour_with_unsupported_argument_is_refused() -> None:
     with pytest.raises(TypeError, match=r"Inverter needs 'child' \(Behaviour\), which a mission cannot give"):
         leaf_of(py_trees.decorators.Inverter)
 
@@ -201,12 +201,12 @@ def test_what_a_mission_cannot_give_is_refused() -> None:
         (COUNTER.replace("limit: int", "status: int"), "CountTo needs 'status' (a name that leaves use themselves)"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_told_at_its_line(text: str, message: str) -> None:
+def test_faults_of_a_behaviour_file_are_reported_at_their_line(text: str, message: str) -> None:
     assert message in wrong(text)
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_leaf_that_drives_what_is_no_part_of_a_robot_is_refused() -> None:
+def test_leaf_that_drives_an_unknown_part_is_refused() -> None:
     Path("blink.py").write_text(BLINK + '    drives = frozenset({"haed"})\n')
     Path("m.yaml").write_text("mission: m\ntree:\n  blink\n")
     with pytest.raises(InvalidFileError, match="'blink' drives 'haed', which is not a part of a robot") as caught:
@@ -243,7 +243,7 @@ def test_installed_packages_offer_classes_and_modules(monkeypatch: pytest.Monkey
         ("json", "it contains no behaviour"),
     ],
 )
-def test_what_is_wrong_with_an_entry_point_is_told_by_its_name(
+def test_faults_of_an_entry_point_are_reported_by_its_name(
     value: str, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     points = EntryPoints([EntryPoint("mine", value, module.ENTRY_POINT_GROUP)])
@@ -258,7 +258,7 @@ def test_what_is_wrong_with_an_entry_point_is_told_by_its_name(
 
 
 @pytest.mark.usefixtures("folder")
-def test_every_command_that_reads_missions_takes_them(capsys: pytest.CaptureFixture[str]) -> None:
+def test_behaviours_option_works_in_every_mission_command(capsys: pytest.CaptureFixture[str]) -> None:
     Path("blink.py").write_text(BLINK)
     Path("counter.py").write_text(COUNTER)
     Path("m.yaml").write_text("mission: m\ntree:\n  sequence: [{blink: 2}, {count_to: 2}]\n")
@@ -283,7 +283,7 @@ def test_a_broken_file_is_a_mistake_of_the_user_and_no_traceback(
     assert "Traceback" not in outcome.err
 
 
-def test_neither_the_package_nor_the_help_imports_what_it_does_not_need() -> None:
+def test_imports_of_package_and_help_stay_light() -> None:
     heavy = {"py_trees", "cv2", "yaml", "numpy"}
     look = f"import sys, missions, missions.cli.root; print(sorted({heavy} & set(sys.modules)))"
     shown = subprocess.run([sys.executable, "-c", look], capture_output=True, text=True, check=True, timeout=60)

@@ -13,19 +13,19 @@ ROOM = 2_200_000
 """Bytes that all of them may take."""
 
 
-def test_there_is_a_small_record_of_each_of_ten_missions() -> None:
+def test_golden_records_exist_for_ten_missions_and_are_small() -> None:
     assert {path.stem for path in RECORDS} == set(MISSIONS)
     assert len(MISSIONS) == 10
     assert sum(path.stat().st_size for path in RECORDS) < ROOM
 
 
 @pytest.mark.parametrize("path", RECORDS, ids=lambda path: path.stem)
-def test_what_a_former_version_has_decided_is_decided_again(path: Path) -> None:
+def test_golden_records_are_decided_alike(path: Path) -> None:
     other = "\n".join(decided_again(path))
     assert not other, f'{other}\nif that is meant: make golden BECAUSE="..."'
 
 
-def test_a_mission_that_is_another_today_is_found_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_golden_check_finds_a_changed_mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "motions-back_and_forth.mcap"
     keep(path.stem, path)
     assert decided_again(path) == []

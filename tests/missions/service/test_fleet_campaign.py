@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.real_time, pytest.mark.long]
 ROBOTS, TASKS, KILLS, CUTS, STOPS = 4, 24, 6, 4, 2
 
 
-def test_robots_that_are_killed_and_cut_off_lose_no_task_and_do_none_twice_that_may_not_be(tmp_path: Path) -> None:
+def test_campaign_of_kills_and_cuts_loses_and_repeats_no_task(tmp_path: Path) -> None:
     with campaign(tmp_path, ROBOTS) as fleet:
         fleet.begin()
         fleet.strike(KILLS, CUTS, STOPS)
@@ -31,7 +31,7 @@ def test_robots_that_are_killed_and_cut_off_lose_no_task_and_do_none_twice_that_
     assert figures.struck_unstopped == 0, "who is connected stands, whatever befalls the others"
 
 
-def test_two_operators_at_once_who_give_the_same_tasks_stop_and_release_all_confuse_nobody(tmp_path: Path) -> None:
+def test_two_operators_with_equal_commands_do_not_conflict(tmp_path: Path) -> None:
     with campaign(tmp_path, 2) as fleet, ThreadPoolExecutor(2) as both:
         fleet.begin()
         fleet.strike(0, 0)

@@ -27,7 +27,7 @@ STATE = RobotState(session="01ab23cd", number=3, robot="turtlebot2", parts=("bas
 WHERE = zenoh_key("home", "state", "anna/0123abcd")
 
 
-def test_a_state_is_read_as_it_was_written() -> None:
+def test_robot_state_round_trips() -> None:
     assert decode_message(RobotState, encode_message(STATE)) == STATE
 
 
@@ -40,7 +40,7 @@ def test_a_state_is_read_as_it_was_written() -> None:
         {"colour": "red"}, {"farewell": "yes"}, {"x": [1.0]}, {"stopped": {"by": "me"}},
     ],
 )  # fmt: skip
-def test_a_message_that_is_not_exactly_of_its_form_is_refused_whole(wrong: dict[str, Any]) -> None:
+def test_message_with_a_wrong_field_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(CodecError):
         decode_message(RobotState, json.dumps(asdict(STATE) | wrong).encode())
 
@@ -49,7 +49,7 @@ def test_a_message_that_is_not_exactly_of_its_form_is_refused_whole(wrong: dict[
     "data",
     [b"", b"[]", b"null", b"{}", b"\xff\xfe", b'{"number": NaN}', b"[" * 100_000, b" " * (MAX_MESSAGE_BYTES + 1)],
 )
-def test_what_is_no_message_is_refused(data: bytes) -> None:
+def test_malformed_message_is_refused(data: bytes) -> None:
     for reading in (lambda: decode_message(RobotState, data), lambda: read_request(data)):
         with pytest.raises(CodecError):
             reading()
@@ -63,7 +63,7 @@ def test_infinity_is_no_place() -> None:
 @pytest.mark.parametrize(
     "place", ["anna", "anna/xyz", "../0123abcd", "*/0123abcd", "an\x1b[2J/0123abcd", "Anna/0123abcd"]
 )
-def test_a_key_whose_name_is_none_is_of_nobody(place: str) -> None:
+def test_key_with_invalid_address_is_ignored(place: str) -> None:
     roster = Roster(ManualClock())
     roster.on_token(zenoh_key("home", "here", place), alive=True)
     roster.on_state(zenoh_key("home", "state", place), encode_message(STATE))
@@ -80,14 +80,14 @@ def test_bytes_by_chance_change_nothing_and_raise_nothing(data: bytes, where: st
         read_request(data)
 
 
-def test_what_is_asked_has_its_word() -> None:
+def test_request_is_decoded_by_its_do_field() -> None:
     assert read_request(b'{"do": "stop", "by": "anna"}') == FleetStop(by="anna")
     for wrong in (b'{"do": "fly"}', b'{"do": ["stop"]}', b'{"do": "stop", "now": true}', b'{"by": "anna"}'):
         with pytest.raises(CodecError):
             read_request(wrong)
 
 
-def test_a_robot_is_online_offline_once_it_said_so_and_broken_where_it_did_not() -> None:
+def test_connection_is_online_offline_or_broken() -> None:
     roster, address = Roster(ManualClock()), Address("anna", "0123abcd")
     token = zenoh_key("home", "here", str(address))
 
@@ -107,7 +107,7 @@ def test_a_robot_is_online_offline_once_it_said_so_and_broken_where_it_did_not()
     assert connection() == "OFFLINE"
 
 
-def test_states_that_come_late_are_dropped_and_a_new_start_counts_anew() -> None:
+def test_late_states_are_dropped_and_a_new_session_restarts_numbers() -> None:
     roster = Roster(ManualClock())
     for state in (
         STATE,
@@ -120,7 +120,7 @@ def test_states_that_come_late_are_dropped_and_a_new_start_counts_anew() -> None
     assert found.mission == "new"
 
 
-def test_no_more_robots_are_kept_than_there_is_room_for() -> None:
+def test_number_of_robots_in_the_roster_is_limited() -> None:
     roster = Roster(ManualClock())
     for number in range(MAX_ROBOTS + 10):
         roster.on_token(zenoh_key("home", "here", f"r{number}/{number:08x}"), alive=True)

@@ -18,7 +18,7 @@ from tests.missions.service.fleets import CountingBody
 from tests.missions.service.test_fleet_operator import Fleet
 
 
-def test_a_robot_is_stopped_until_its_release_is_on_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_robot_stays_latched_until_the_release_is_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     latch, seen = FleetLatch(tmp_path), list[bool]()
     number, keep = latch.stop("me")
     assert keep() == ""
@@ -32,7 +32,7 @@ def test_a_robot_is_stopped_until_its_release_is_on_the_disk(tmp_path: Path, mon
     assert not again.is_latched
 
 
-def test_a_robot_whose_latch_cannot_be_read_counts_as_stopped(tmp_path: Path) -> None:
+def test_unreadable_latch_file_counts_as_stopped(tmp_path: Path) -> None:
     (tmp_path / "folder").write_text("a file in the way", encoding="utf-8")
     latch = FleetLatch(tmp_path / "folder")
     latch.load()
@@ -40,7 +40,7 @@ def test_a_robot_whose_latch_cannot_be_read_counts_as_stopped(tmp_path: Path) ->
     assert "cannot be read (NotADirectoryError)" in latch.by
 
 
-def test_a_stop_that_is_not_on_the_disk_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_that_cannot_be_written_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(number: int) -> None:
         if stat.S_ISDIR(os.fstat(number).st_mode):
             raise OSError(errno.EIO, "Input/output error")
@@ -50,7 +50,7 @@ def test_a_stop_that_is_not_on_the_disk_is_told_so(tmp_path: Path, monkeypatch: 
     assert keep() == "; a restart will release it: Input/output error"
 
 
-def test_a_robot_stays_in_its_fleet_when_an_answer_cannot_be_sent(tmp_path: Path) -> None:
+def test_member_continues_after_an_answer_cannot_be_sent(tmp_path: Path) -> None:
     clock, answers = ManualClock(), list[FleetAnswer]()
     own = RobotInfo(Address("anna", "0000000a"), "note")
     member = FleetMember(own, Fleet(), Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)
@@ -83,7 +83,7 @@ class Watching(CountingBody):
         return super().stop(by)
 
 
-def test_a_robot_stands_before_its_stop_is_written_and_tells_all_others_of_it_a_while_later(tmp_path: Path) -> None:
+def test_robot_stops_before_the_latch_is_written_and_publishes_later(tmp_path: Path) -> None:
     clock, line, body, answers = ManualClock(), Told(), Watching(), list[FleetAnswer]()
     own = RobotInfo(Address("anna", "0000000a"), "note")
     member = FleetMember(own, line, Roster(clock), body, FleetLatch(tmp_path), clock=clock)
@@ -97,7 +97,7 @@ def test_a_robot_stands_before_its_stop_is_written_and_tells_all_others_of_it_a_
     assert [json.loads(state)["stopped"] for state in line.states] == ["me"]
 
 
-def test_a_stop_is_kept_though_the_robot_cannot_be_told(tmp_path: Path) -> None:
+def test_stop_is_stored_even_if_the_robot_cannot_be_stopped(tmp_path: Path) -> None:
     class Broken(CountingBody):
         def stop(self, by: str) -> tuple[bool, str]:
             raise OSError(by)
@@ -115,7 +115,7 @@ def test_a_stop_is_kept_though_the_robot_cannot_be_told(tmp_path: Path) -> None:
     assert again.by == "me"
 
 
-def test_who_stops_a_robot_again_and_again_does_not_keep_it_from_telling_how_it_is(tmp_path: Path) -> None:
+def test_repeated_stops_do_not_prevent_state_publishing(tmp_path: Path) -> None:
     clock, line = ManualClock(), Told()
     own = RobotInfo(Address("anna", "0000000a"), "note")
     member = FleetMember(own, line, Roster(clock), CountingBody(), FleetLatch(tmp_path), clock=clock)

@@ -44,7 +44,7 @@ def state(operator: Operator, address: Address) -> RobotState:
 
 
 @pytest.mark.real_time
-def test_robots_are_listed_with_what_they_tell_and_how_they_went(fleet: FleetKeys, tmp_path: Path) -> None:
+def test_members_are_listed_with_telemetry_and_connection(fleet: FleetKeys, tmp_path: Path) -> None:
     body = CountingBody()
     with at(replace(fleet, robots=("anna", "carl"))) as operator, member(fleet, "anna", tmp_path, body):
         with member(fleet, "bob", tmp_path, CountingBody(), number=BOB.number):
@@ -59,9 +59,7 @@ def test_robots_are_listed_with_what_they_tell_and_how_they_went(fleet: FleetKey
 
 
 @pytest.mark.real_time
-def test_an_operator_who_comes_later_hears_of_those_that_broke_off_and_names_them(
-    fleet: FleetKeys, tmp_path: Path
-) -> None:
+def test_late_operator_learns_of_broken_connections(fleet: FleetKeys, tmp_path: Path) -> None:
     roster = Roster(SystemClock())
     with member(fleet, "anna", tmp_path, CountingBody()):
         with closing(ZenohTransport(open_session(fleet, mode="client"), fleet.fleet, roster)) as line:
@@ -75,9 +73,7 @@ def test_an_operator_who_comes_later_hears_of_those_that_broke_off_and_names_the
 
 
 @pytest.mark.real_time
-def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_restart(
-    fleet: FleetKeys, tmp_path: Path
-) -> None:
+def test_stop_is_confirmed_by_each_robot_and_survives_a_restart(fleet: FleetKeys, tmp_path: Path) -> None:
     bodies = {"anna": CountingBody(), "bob": CountingBody()}
     with at(fleet) as operator, ExitStack() as robots:
         robots.enter_context(member(fleet, "anna", tmp_path, bodies["anna"]))
@@ -96,7 +92,7 @@ def test_a_stop_is_confirmed_by_each_and_holds_until_it_is_released_also_over_a_
         assert bodies["anna"].said == [f"stop by {operator.by}"]
 
 
-def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, tmp_path: Path) -> None:
+def test_release_of_an_unseen_stop_is_refused(fleet: FleetKeys, tmp_path: Path) -> None:
     with at(fleet) as one, at(fleet) as other, member(fleet, "anna", tmp_path, CountingBody()):
         one.stop()
         wait_until(lambda: one.members()[ANNA].is_online and state(one, ANNA).stops == 1)
@@ -108,7 +104,7 @@ def test_a_release_of_a_stop_that_nobody_has_seen_is_refused(fleet: FleetKeys, t
     assert "the last one is 2" in answers[ANNA].reason
 
 
-def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_path: Path) -> None:
+def test_invalid_latch_file_counts_as_stopped(fleet: FleetKeys, tmp_path: Path) -> None:
     (tmp_path / "anna").mkdir()
     (tmp_path / "anna" / LATCH_FILE).write_text("{", encoding="utf-8")
     with at(fleet) as operator, member(fleet, "anna", tmp_path, CountingBody()):
@@ -124,7 +120,7 @@ def test_a_file_of_the_stop_that_cannot_be_read_is_a_stop(fleet: FleetKeys, tmp_
         Telemetry(x=cast("float", "1"), battery=True),
     ],
 )  # fmt: skip
-def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp_path: Path) -> None:
+def test_invalid_telemetry_is_omitted_from_the_state(odd: Telemetry, tmp_path: Path) -> None:
     body, told = CountingBody(), list[bytes]()
     body.telemetry = odd
     line = SimpleNamespace(publish_state=told.append, announce=lambda *_: None, close=lambda: None)
@@ -138,7 +134,7 @@ def test_a_robot_whose_run_tells_nonsense_is_seen_without_it(odd: Telemetry, tmp
     assert seen.mission in {"", "gr\u00fc\u00df[2J"}
 
 
-def test_two_robots_with_one_number_as_of_a_copied_card_take_no_task_and_are_told_of(
+def test_robots_with_the_same_number_are_reported_and_take_no_tasks(
     fleet: FleetKeys, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     with (

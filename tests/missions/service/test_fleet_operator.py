@@ -63,7 +63,7 @@ class Fleet(ZenohTransport):
         on_answer(None, None)
 
 
-def test_a_stop_ends_in_a_fleet_that_moves_all_the_time() -> None:
+def test_stop_ends_while_robots_keep_publishing() -> None:
     fleet = Fleet()
     fleet.seen(ANNA, BOB)
     fleet.clock.happens = lambda: fleet.seen(ANNA, BOB)
@@ -85,7 +85,7 @@ def test_a_stop_ends_though_robots_come_without_end() -> None:
 @pytest.mark.parametrize(
     "told", [{"connection": []}, {}, {"robot": "\x1b[2J", "connection": "OFFLINE"}, {"robot": 1, "connection": "GONE"}]
 )
-def test_what_robots_tell_of_others_is_left_out_where_it_is_nothing(told: dict[str, object]) -> None:
+def test_invalid_peer_entries_are_ignored(told: dict[str, object]) -> None:
     fleet = Fleet()
     fleet.seen(ANNA)
     fleet.answers = {"met": FleetAnswer(data=(told, {"robot": str(BOB), "connection": "CONNECTIONBROKEN"}))}
@@ -96,7 +96,7 @@ def test_what_robots_tell_of_others_is_left_out_where_it_is_nothing(told: dict[s
 @pytest.mark.parametrize(
     "wrong", [{"id": "x"}, {"id": []}, {"reason": "\x1b[2J"}, {"state": "DREAMING"}, {"attempt": "1"}, {"more": 1}]
 )
-def test_tasks_that_are_none_are_left_out(wrong: dict[str, object]) -> None:
+def test_invalid_task_entries_are_ignored(wrong: dict[str, object]) -> None:
     fleet = Fleet()
     fleet.seen(ANNA)
     task = FleetTaskInfo(
@@ -107,7 +107,7 @@ def test_tasks_that_are_none_are_left_out(wrong: dict[str, object]) -> None:
     assert fleet.operator.tasks(ended=False).tasks == [task]
 
 
-def test_tasks_are_asked_for_page_after_page_and_who_has_more_or_does_not_answer_is_named() -> None:
+def test_tasks_are_listed_in_pages_and_incomplete_robots_named() -> None:
     fleet = Fleet()
     fleet.seen(ANNA, BOB)
     task = FleetTaskInfo(
@@ -135,7 +135,7 @@ def test_tasks_are_asked_for_page_after_page_and_who_has_more_or_does_not_answer
 @pytest.mark.parametrize(
     ("names", "released"), [([], {ANNA, ANNA_TOO, BOB}), (["anna"], {ANNA, ANNA_TOO}), ([str(ANNA_TOO)], {ANNA_TOO})]
 )
-def test_of_two_robots_of_one_name_one_is_released_by_its_number(names: list[str], released: set[Address]) -> None:
+def test_robots_of_one_name_are_released_by_number(names: list[str], released: set[Address]) -> None:
     fleet = Fleet()
     fleet.seen(ANNA, ANNA_TOO, BOB)
     assert set(fleet.operator.release(names, resume=False)) == released

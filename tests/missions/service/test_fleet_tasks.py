@@ -176,7 +176,7 @@ def fleet(tmp_path: Path) -> Iterator[Fleet]:
         yield Fleet(tmp_path, closed)
 
 
-def test_a_task_is_accepted_confirmed_done_and_told(fleet: Fleet) -> None:
+def test_task_is_accepted_confirmed_done_and_reported(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     assert fleet.keep().ok
     assert fleet.keep().ok, "asked again, it is no other task"
@@ -196,7 +196,7 @@ def test_a_task_is_accepted_confirmed_done_and_told(fleet: Fleet) -> None:
     assert not anna.begin(), "it is done once"
 
 
-def test_nothing_begins_before_its_keeper_has_confirmed_it(fleet: Fleet) -> None:
+def test_task_does_not_begin_before_the_keeper_confirms(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     anna.errands.answer(AcceptTask(task=TASK, attempt=1, mission="greet", repeatable=True))
     assert not anna.begin()
@@ -205,7 +205,7 @@ def test_nothing_begins_before_its_keeper_has_confirmed_it(fleet: Fleet) -> None
     assert not anna.begin()
 
 
-def test_an_order_that_was_long_on_its_way_begins_nothing(fleet: Fleet) -> None:
+def test_delayed_order_does_not_begin_a_task(fleet: Fleet) -> None:
     anna, bob = fleet.robot("anna", "0000000a"), fleet.robot("bob", "0000000b")
     anna.holds_back = True
     fleet.keep(on="anna")
@@ -227,7 +227,7 @@ def test_an_order_that_was_long_on_its_way_begins_nothing(fleet: Fleet) -> None:
     assert (fleet.task.state, fleet.task.robot) == ("FINISHED", str(bob.address))
 
 
-def test_a_task_that_may_be_repeated_is_handed_on_after_its_robot_has_let_go_of_it(fleet: Fleet) -> None:
+def test_repeatable_task_is_reassigned_after_its_lease(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
     fleet.turn()
@@ -249,7 +249,7 @@ def test_a_task_that_may_be_repeated_is_handed_on_after_its_robot_has_let_go_of_
     assert anna.queue.unconfirmed() == []
 
 
-def test_a_task_that_may_not_be_repeated_stays_with_its_robot_until_that_is_heard_of(fleet: Fleet) -> None:
+def test_unrepeatable_task_stays_with_its_robot(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep(if_interrupted="give-up")
     fleet.turn()
@@ -264,7 +264,7 @@ def test_a_task_that_may_not_be_repeated_stays_with_its_robot_until_that_is_hear
     assert (fleet.task.state, fleet.task.robot) == ("FINISHED", str(anna.address))
 
 
-def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_done_all_the_same(fleet: Fleet) -> None:
+def test_operator_may_reassign_an_unrepeatable_task(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep(if_interrupted="give-up")
     fleet.turn()
@@ -286,7 +286,7 @@ def test_an_operator_hands_on_what_may_not_be_repeated_and_hears_where_it_was_do
     assert anna.queue.unconfirmed() == []
 
 
-def test_that_a_task_was_done_by_a_lost_robot_is_told_though_another_is_at_it_by_then(fleet: Fleet) -> None:
+def test_late_result_of_a_lost_robot_is_reported(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
     fleet.turn()
@@ -306,7 +306,7 @@ def test_that_a_task_was_done_by_a_lost_robot_is_told_though_another_is_at_it_by
     assert (fleet.task.state, fleet.task.reason) == ("FINISHED", f"{LATE_PREFIX} {anna.address}")
 
 
-def test_a_robot_that_was_killed_tells_what_was_interrupted_and_the_policy_decides(fleet: Fleet) -> None:
+def test_killed_robot_reports_the_interruption_and_the_policy_decides(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep(if_interrupted="give-up")
     fleet.turn()
@@ -316,7 +316,7 @@ def test_a_robot_that_was_killed_tells_what_was_interrupted_and_the_policy_decid
     assert (fleet.task.state, DOUBT_REASON in fleet.task.reason) == ("FAILED", True)
 
 
-def test_what_was_confirmed_and_had_not_begun_is_asked_for_anew_after_a_restart(fleet: Fleet) -> None:
+def test_confirmed_task_needs_a_new_confirmation_after_a_restart(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
     fleet.turn()
@@ -331,7 +331,7 @@ def test_what_was_confirmed_and_had_not_begun_is_asked_for_anew_after_a_restart(
     assert not anna.begin()
 
 
-def test_a_task_that_kills_each_robot_is_given_up_after_the_third(fleet: Fleet) -> None:
+def test_task_that_kills_three_robots_fails(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
     for _ in range(3):
@@ -354,7 +354,7 @@ def test_a_failure_is_tried_again_as_often_as_was_wished(fleet: Fleet) -> None:
     assert (fleet.task.state, fleet.task.failures) == ("FAILED", 2)
 
 
-def test_a_keeper_whose_clock_is_set_back_by_hours_does_not_let_a_task_wait_for_hours(fleet: Fleet) -> None:
+def test_keeper_clock_set_back_does_not_delay_a_retry(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep(retries=1)
     fleet.ahead = 7200.0
@@ -367,7 +367,7 @@ def test_a_keeper_whose_clock_is_set_back_by_hours_does_not_let_a_task_wait_for_
     assert anna.begin()
 
 
-def test_an_id_that_another_task_has_is_refused(fleet: Fleet) -> None:
+def test_id_of_another_task_is_refused(fleet: Fleet) -> None:
     fleet.keep(by="me", params={"text": "hello"})
     assert fleet.keep(by="me again", params={"text": "hello"}).ok
     for other in ({}, {"params": {"text": "bye"}}, {"params": {"text": "hello"}, "on": "bob"}):
@@ -377,7 +377,7 @@ def test_an_id_that_another_task_has_is_refused(fleet: Fleet) -> None:
     assert fleet.task.params == {"text": "hello"}
 
 
-def test_a_keeper_whose_number_another_robot_has_too_keeps_nothing_and_gives_nothing_away(fleet: Fleet) -> None:
+def test_keeper_with_a_duplicate_number_keeps_and_assigns_nothing(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
     fleet.keeper.is_duplicate = lambda: True
@@ -391,7 +391,7 @@ def test_a_keeper_whose_number_another_robot_has_too_keeps_nothing_and_gives_not
     assert anna.begin()
 
 
-def test_a_keeper_that_was_killed_goes_on_with_what_it_kept(fleet: Fleet) -> None:
+def test_killed_keeper_continues_with_its_stored_tasks(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep()
     fleet.turn()
@@ -402,7 +402,7 @@ def test_a_keeper_that_was_killed_goes_on_with_what_it_kept(fleet: Fleet) -> Non
     assert fleet.task.state == "FINISHED"
 
 
-def test_a_robot_that_is_stopped_busy_or_unable_gets_no_task_and_one_task_goes_to_one_robot(fleet: Fleet) -> None:
+def test_stopped_busy_or_unable_robot_gets_no_task(fleet: Fleet) -> None:
     anna, bob = fleet.robot("anna", "0000000a"), fleet.robot("bob", "0000000b")
     anna.stopped = True
     fleet.keep()
@@ -418,7 +418,7 @@ def test_a_robot_that_is_stopped_busy_or_unable_gets_no_task_and_one_task_goes_t
     assert "no mission 'unknown'" in unknown.reason
 
 
-def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> None:
+def test_condition_selects_robots_and_unknown_values_do_not_match() -> None:
     known = RobotState(session="1", number=1, robot="kobuki", battery=0.5, x=2.0, parts=("base", "voice"))
     anna = Address("anna", "0000000a")
     for where in ("", "battery > 40 %", "x < 3 m and battery >= 50 %", "name == 'anna'", "'voice' in parts"):
@@ -438,7 +438,7 @@ def test_a_condition_chooses_among_robots_and_what_is_not_known_is_not_so() -> N
         ({"where": "battery > random(0, 1)"}, "only in the run"), ({"where": "battery >"}, "is not an expression"),
     ],
 )  # fmt: skip
-def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, Any], why: str) -> None:
+def test_invalid_task_is_refused(fleet: Fleet, wrong: dict[str, Any], why: str) -> None:
     answer = fleet.keeper.answer(replace(KeepTask(task=TASK, mission="greet"), **wrong))
     assert answer is not None
     assert not answer.ok
@@ -447,7 +447,7 @@ def test_a_task_that_is_none_is_not_kept(fleet: Fleet, wrong: dict[str, Any], wh
     assert told == FleetAnswer()
 
 
-def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) -> None:
+def test_report_of_another_robot_or_attempt_changes_nothing(fleet: Fleet) -> None:
     fleet.robot("anna", "0000000a")
     fleet.keep()
     fleet.turn()
@@ -460,7 +460,7 @@ def test_a_report_of_who_does_not_have_the_task_changes_nothing(fleet: Fleet) ->
     assert fleet.task == before
 
 
-def test_of_many_tasks_an_answer_tells_as_many_as_it_holds_and_the_next_goes_on_from_there(fleet: Fleet) -> None:
+def test_long_task_lists_are_answered_in_pages(fleet: Fleet) -> None:
     numbers = [f"{DESK}/{each:012x}" for each in range(60)]
     for number in numbers:
         fleet.keeper.answer(KeepTask(task=number, mission="greet", params={"text": "x" * 1000, **_LONG}))

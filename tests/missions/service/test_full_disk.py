@@ -26,7 +26,7 @@ def of_code(code: int, said: str) -> sqlite3.OperationalError:
     return error
 
 
-def test_a_disk_that_sqlite_finds_full_is_told_with_what_to_do(tmp_path: Path) -> None:
+def test_sqlite_full_error_becomes_a_disk_full_error_with_a_hint(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with closing(open_db(path)) as connection:
         connection.execute("PRAGMA max_page_count = 1")
@@ -50,7 +50,7 @@ def test_a_disk_that_sqlite_finds_full_is_told_with_what_to_do(tmp_path: Path) -
         (of_code(sqlite3.SQLITE_ERROR, "no such thing"), "no such thing", "XDG_STATE_HOME"),
     ],
 )
-def test_what_is_wrong_with_a_disk_is_told_with_what_to_type(
+def test_disk_errors_have_a_hint(
     tmp_path: Path, error: OSError | sqlite3.OperationalError, said: str, hint: str
 ) -> None:
     told = queue_error(tmp_path / "tasks.db", error)
@@ -58,7 +58,7 @@ def test_what_is_wrong_with_a_disk_is_told_with_what_to_type(
     assert told.hint.startswith(hint)
 
 
-def test_an_error_of_a_disk_without_room_is_that_it_is_full(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_io_error_without_free_space_is_a_disk_full_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for blocks, files, full in ((0, 1000, True), (10**6, 0, True), (10**6, 1000, False)):
         found = os.statvfs_result((4096, 4096, 10**6, blocks, blocks, 1000, files, files, 0, 255))
         with monkeypatch.context() as patch:
@@ -67,7 +67,7 @@ def test_an_error_of_a_disk_without_room_is_that_it_is_full(tmp_path: Path, monk
         assert isinstance(told, DiskFullError) == full
 
 
-def test_who_holds_a_lock_need_not_be_written_down(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lock_is_held_even_if_its_holder_cannot_be_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(ENOSPC, os.strerror(ENOSPC))
 
@@ -90,7 +90,7 @@ def test_a_folder_in_the_place_of_the_queue_is_no_emptied_queue(tmp_path: Path) 
         open_db(path)
 
 
-def test_a_database_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
+def test_foreign_database_is_refused_and_left_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with closing(sqlite3.connect(path, isolation_level=None)) as other:
         other.execute("CREATE TABLE songs (name)")
@@ -101,7 +101,7 @@ def test_a_database_of_something_else_is_left_as_it_is(tmp_path: Path) -> None:
     assert path.read_bytes() == before
 
 
-def test_on_a_full_disk_nothing_is_lost_and_the_queue_goes_on_when_there_is_room(tmp_path: Path) -> None:
+def test_full_disk_loses_no_task_and_the_queue_continues(tmp_path: Path) -> None:
     apart = ["unshare", "-Umr"]
     try:
         subprocess.run([*apart, *MOUNT, str(tmp_path)], check=True, capture_output=True, timeout=PATIENCE)

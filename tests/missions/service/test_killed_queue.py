@@ -28,7 +28,7 @@ PATIENCE = 400.0
 """Seconds within which the last server does what is left."""
 
 
-def test_hundreds_of_tasks_survive_a_server_that_is_killed_at_random_moments(
+def test_hundreds_of_tasks_survive_a_randomly_killed_server(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     add(tmp_path, WAITING)

@@ -46,7 +46,7 @@ def test_the_terminal_shows_a_line() -> None:
 # Commands
 
 
-def test_a_program_gets_the_notice_as_json_and_its_arguments_as_they_are(tmp_path: Path) -> None:
+def test_command_channel_passes_json_and_literal_arguments(tmp_path: Path) -> None:
     out = tmp_path / "a b; rm *"
     program = "import sys, pathlib; pathlib.Path(sys.argv[1]).write_bytes(sys.stdin.buffer.read())"
     CommandChannel(CommandNotice((sys.executable, "-c", program, str(out))))(NOTICE)
@@ -61,12 +61,12 @@ def test_a_program_gets_the_notice_as_json_and_its_arguments_as_they_are(tmp_pat
         (("false",), "false: ended with exit code 1$"),
     ],
 )
-def test_a_program_that_fails_has_not_taken_it(command: tuple[str, ...], why: str) -> None:
+def test_failed_command_is_not_delivered(command: tuple[str, ...], why: str) -> None:
     with pytest.raises(DeliveryError, match=why):
         CommandChannel(CommandNotice(command))(NOTICE)
 
 
-def test_a_program_that_hangs_is_killed_with_all_that_it_started(tmp_path: Path) -> None:
+def test_hung_command_is_killed_with_its_children(tmp_path: Path) -> None:
     number = tmp_path / "number"
     script = f"sleep 600 & echo $! > {number}; wait"
     with pytest.raises(DeliveryError, match="did not end within 2 s"):
@@ -75,7 +75,7 @@ def test_a_program_that_hangs_is_killed_with_all_that_it_started(tmp_path: Path)
     wait_until(lambda: not alive(child))
 
 
-def test_a_program_is_killed_when_it_is_given_up() -> None:
+def test_aborted_command_is_killed() -> None:
     command = CommandChannel(CommandNotice(("sleep", "600")))
     timer = Timer(0.2, command.abort)
     timer.start()
@@ -92,7 +92,7 @@ def alive(process: int) -> bool:
         return False
 
 
-def test_what_a_program_leaves_running_holds_up_nothing() -> None:
+def test_background_process_of_a_command_does_not_block() -> None:
     CommandChannel(CommandNotice(("sh", "-c", "sleep 1.5 & exit 0")), timeout=60.0)(NOTICE)
 
 
@@ -173,12 +173,12 @@ def test_a_redirection_is_no_delivery_and_is_not_followed(code: int) -> None:
 
 
 @pytest.mark.parametrize("code", [400, 404, 429, 500, 503])
-def test_a_web_server_that_complains_has_not_taken_it(code: int) -> None:
+def test_web_server_error_is_not_delivered(code: int) -> None:
     with web(Site(code)) as site, pytest.raises(DeliveryError, match=f"127.0.0.1:{site.port}: the server says {code}"):
         WebhookChannel(WebhookNotice(site.url), {})(NOTICE)
 
 
-def test_a_web_server_that_is_not_there_or_silent_has_not_taken_it() -> None:
+def test_missing_or_silent_web_server_is_not_delivered() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         url = f"http://127.0.0.1:{listening.getsockname()[1]}/"
         with pytest.raises(DeliveryError, match=r"no reply within 0.3 s$"):
@@ -187,7 +187,7 @@ def test_a_web_server_that_is_not_there_or_silent_has_not_taken_it() -> None:
         WebhookChannel(WebhookNotice(url), {})(NOTICE)
 
 
-def test_a_secret_that_is_not_set_is_named_and_nothing_is_sent() -> None:
+def test_missing_secret_variable_is_named_and_nothing_is_sent() -> None:
     with web(Site()) as site:
         with pytest.raises(DeliveryError, match="environment variable ROBOT_TOKEN"):
             WebhookChannel(WebhookNotice(site.url, {"Authorization": "ROBOT_TOKEN"}), {})(NOTICE)
@@ -225,12 +225,12 @@ LINES = {
 
 
 @pytest.mark.parametrize("scheme", ["http", "https"])
-def test_a_server_that_answers_a_byte_at_a_time_is_hung_up_on(scheme: str) -> None:
+def test_slow_trickling_web_server_times_out(scheme: str) -> None:
     with trickle(LINES[scheme]) as port, pytest.raises(DeliveryError, match=r"no reply within 0.6 s$"):
         WebhookChannel(WebhookNotice(f"{scheme}://127.0.0.1:{port}/"), {}, timeout=0.6)(NOTICE)
 
 
-def test_a_server_whose_headers_never_end_has_not_taken_it() -> None:
+def test_endless_headers_time_out() -> None:
     with (
         trickle(b"X: " + b"x" * 100, b"HTTP/1.1 200 OK\r\n") as port,
         pytest.raises(DeliveryError, match=r"no reply within 0.6 s$"),
@@ -241,7 +241,7 @@ def test_a_server_whose_headers_never_end_has_not_taken_it() -> None:
 SECRET = "/services/T0/B0/WinnieThePooh?key=abc"  # noqa: S105 - of nobody
 
 
-def test_an_address_that_is_a_secret_comes_from_the_environment() -> None:
+def test_webhook_address_may_come_from_the_environment() -> None:
     with web(Site()) as site:
         WebhookChannel(WebhookNotice(url_from="CHAT_URL"), {"CHAT_URL": f"http://127.0.0.1:{site.port}{SECRET}\n"})(
             NOTICE
@@ -258,13 +258,13 @@ def test_an_address_that_is_a_secret_comes_from_the_environment() -> None:
         ({"CHAT_URL": "https://ntfy.sh:secret/"}, "is not the address of a web server$"),
     ],
 )
-def test_a_variable_without_an_address_is_named_and_what_it_holds_is_not(environment: dict[str, str], why: str) -> None:
+def test_variable_without_an_address_is_named_without_its_value(environment: dict[str, str], why: str) -> None:
     with pytest.raises(DeliveryError, match=why) as raised:
         WebhookChannel(WebhookNotice(url_from="CHAT_URL"), environment)(NOTICE)
     assert "secret" not in str(raised.value)
 
 
-def test_no_error_tells_the_secret_part_of_an_address_or_of_a_header() -> None:
+def test_errors_do_not_contain_secrets() -> None:
     with web(Site(404, reason=f"nobody at {SECRET}")) as site:
         url = f"http://127.0.0.1:{site.port}"
         with pytest.raises(DeliveryError, match=rf"{url}: the server says 404 nobody at \.\.\.$"):
@@ -308,19 +308,19 @@ def test_a_broker_gets_the_notice_once_at_least_and_a_goodbye() -> None:
         ("silent", "the broker did not acknowledge within 1 s"),
     ],
 )
-def test_a_broker_that_does_not_acknowledge_has_not_taken_it(manners: Manners, why: str) -> None:
+def test_broker_without_acknowledgement_is_not_delivered(manners: Manners, why: str) -> None:
     with small_broker(manners) as broker, pytest.raises(DeliveryError, match=f"mqtt 127.0.0.1:{broker.port}: {why}"):
         MqttChannel(mqtt(broker.port), {}, timeout=1.0 if manners == "silent" else 20.0)(NOTICE)
 
 
-def test_a_broker_that_is_not_there_has_not_taken_it() -> None:
+def test_missing_broker_is_not_delivered() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listening:
         port = listening.getsockname()[1]
     with pytest.raises(DeliveryError, match="refused"):
         MqttChannel(mqtt(port), {})(NOTICE)
 
 
-def test_without_paho_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_mqtt_extra_gives_the_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "paho.mqtt.client", None)
     with pytest.raises(DeliveryError, match=r"pip install 'missiontree\[mqtt\]'"):
         MqttChannel(mqtt(1), {})(NOTICE)
@@ -337,12 +337,12 @@ def test_without_paho_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -
         (mqtt(1883), MqttChannel),
     ],
 )
-def test_a_channel_is_made_of_what_the_outbox_says(config: NoticeConfig, kind: type) -> None:
+def test_channel_is_created_from_its_outbox_entry(config: NoticeConfig, kind: type) -> None:
     channel = channel_of(encode_notice(config), print, os.environ)
     assert isinstance(channel, kind)
     assert channel_of(encode_notice(config), print) is not channel
 
 
-def test_a_channel_that_is_not_known_is_an_error_that_says_so() -> None:
+def test_unknown_channel_is_refused() -> None:
     with pytest.raises(ValueError, match="no way to send notices"):
         channel_of('{"pigeon": {}}', print)

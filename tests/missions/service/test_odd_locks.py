@@ -36,7 +36,7 @@ def odd(path: Path, kind: str) -> Path:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_lock_is_not_taken_and_its_path_is_named(tmp_path: Path, kind: str) -> None:
+def test_lock_on_an_odd_file_is_refused_with_its_path(tmp_path: Path, kind: str) -> None:
     path = odd(tmp_path / "run.lock", kind)
     with pytest.raises(OSError, match=r"run\.lock"), hold_lock(path):
         pytest.fail("it was taken")
@@ -51,20 +51,18 @@ def test_a_lock_is_not_taken_and_its_path_is_named(tmp_path: Path, kind: str) ->
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_record_that_is_none_is_not_repaired(tmp_path: Path, kind: str) -> None:
+def test_repair_of_an_odd_file_is_refused(tmp_path: Path, kind: str) -> None:
     with pytest.raises(OSError, match=r"record\.mcap"):
         repair_record(odd(tmp_path / "record.mcap", kind))
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_log_that_is_none_costs_its_lines(tmp_path: Path, kind: str) -> None:
+def test_audit_log_on_an_odd_file_drops_its_lines(tmp_path: Path, kind: str) -> None:
     AuditLog(odd(tmp_path / "studio.log", kind)).write("Ada", "operator", {"do": "stop"}, "ok")
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_stamp_of_a_stop_that_is_none_is_passed_over(
-    tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_odd_stop_stamp_file_is_ignored(tmp_path: Path, kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     folder = run_folders()[0].prepare()
     odd(folder / STAMP_FILE, kind)

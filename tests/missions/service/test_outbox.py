@@ -110,7 +110,7 @@ def test_each_try_waits_twice_as_long_as_the_one_before_but_ten_minutes_at_most(
     ]
 
 
-def test_a_notice_says_the_same_each_time_that_it_is_sent(queue: Shop) -> None:
+def test_notice_is_identical_in_every_delivery(queue: Shop) -> None:
     number = queue.add(new())
     queue.attempt("failure", "naïve “reasons”\n…")
     (letter, _) = queue.outbox.notices_of(number)
@@ -121,7 +121,7 @@ def test_a_notice_says_the_same_each_time_that_it_is_sent(queue: Shop) -> None:
 # Turns
 
 
-def test_what_is_away_is_tried_again_until_it_is_there(post: Post) -> None:
+def test_unreachable_channel_is_retried_until_delivery(post: Post) -> None:
     post.done(1)
     post.away["home"] = "nobody answers"
     post.round()
@@ -165,7 +165,7 @@ def test_notices_come_in_the_order_in_which_things_happened_however_long_the_cha
     assert post.taken_by("home") == ids
 
 
-def test_they_come_in_order_after_a_restart_too(post: Post) -> None:
+def test_notices_keep_their_order_after_a_restart(post: Post) -> None:
     number = post.shop.add(new(policy=RetryPolicy("retry")))
     post.away["home"] = "away"
     post.shop.attempt("interrupted")
@@ -181,7 +181,7 @@ def test_they_come_in_order_after_a_restart_too(post: Post) -> None:
     ]
 
 
-def test_a_notice_that_is_never_taken_lets_the_others_past_after_a_while(post: Post) -> None:
+def test_undeliverable_notice_lets_others_pass_after_some_tries(post: Post) -> None:
     poison, *others = post.done(4)
     post.poison.add(poison)
     post.rounds(MAX_BLOCKING_TRIES + 1, 20.0)
@@ -191,14 +191,14 @@ def test_a_notice_that_is_never_taken_lets_the_others_past_after_a_while(post: P
     assert post.taken_by("home") == others
 
 
-def test_two_notices_that_are_never_taken_do_so_as_well(post: Post) -> None:
+def test_two_undeliverable_notices_let_others_pass(post: Post) -> None:
     first, second, *others = post.done(5)
     post.poison |= {first, second}
     post.rounds(40, 30.0)
     assert sorted(post.taken_by("home")) == sorted(others)
 
 
-def test_a_clock_that_was_put_back_delays_no_notice_for_years(post: Post) -> None:
+def test_clock_set_back_does_not_delay_notices(post: Post) -> None:
     post.done(1)
     post.away["home"] = post.away["away"] = "away"
     post.shop.now += 10 * 365 * 86400.0
@@ -210,7 +210,7 @@ def test_a_clock_that_was_put_back_delays_no_notice_for_years(post: Post) -> Non
     assert len(post.taken) == 2
 
 
-def test_after_a_week_notices_are_given_up_and_that_is_said_once(post: Post) -> None:
+def test_notices_expire_after_a_week_and_that_is_reported_once(post: Post) -> None:
     post.done(3)
     post.away["home"] = "gone for good"
     post.rounds(int(MAX_NOTICE_AGE / 7200.0) + 20, 7200.0)
@@ -232,7 +232,7 @@ def test_after_a_week_notices_are_given_up_and_that_is_said_once(post: Post) -> 
     assert post.taken_by("home") == fresh
 
 
-def test_a_clock_that_is_set_after_the_start_gives_nothing_up(post: Post) -> None:
+def test_clock_set_after_the_start_expires_no_notice(post: Post) -> None:
     post.shop.now = 0.0  # a machine without a battery for its clock, and without a network yet
     post.shop.add(new(due=0.0))
     post.shop.attempt("success")
@@ -266,7 +266,7 @@ def test_the_log_names_channels_without_their_secrets(queue: Shop) -> None:
 # The courier
 
 
-def test_a_notice_that_a_courier_left_when_it_died_is_delivered_by_the_next(queue: Shop, tmp_path: Path) -> None:
+def test_notice_left_by_a_killed_sender_is_delivered_by_the_next(queue: Shop, tmp_path: Path) -> None:
     queue.add(new())
     queue.attempt("success")
     taken: list[str] = []
@@ -278,7 +278,7 @@ def test_a_notice_that_a_courier_left_when_it_died_is_delivered_by_the_next(queu
     assert queue.outbox.pending_count() == 0
 
 
-def test_a_channel_that_hangs_holds_up_no_other(queue: Shop, tmp_path: Path) -> None:
+def test_hung_channel_does_not_block_others(queue: Shop, tmp_path: Path) -> None:
     go_on, taken, told = Event(), list[str](), list[str]()
 
     def channel_of(name: str) -> Channel:
@@ -300,7 +300,7 @@ def test_a_channel_that_hangs_holds_up_no_other(queue: Shop, tmp_path: Path) -> 
     assert (told, queue.outbox.pending_count()) == ([], 0)
 
 
-def test_what_was_told_last_is_tried_before_the_end(queue: Shop, tmp_path: Path) -> None:
+def test_latest_notices_are_tried_before_the_sender_ends(queue: Shop, tmp_path: Path) -> None:
     taken: list[str] = []
     for number in range(1, 6):
         with NoticeSender(
@@ -313,7 +313,7 @@ def test_what_was_told_last_is_tried_before_the_end(queue: Shop, tmp_path: Path)
 
 
 @pytest.mark.real_time
-def test_a_program_that_hangs_does_not_outlive_the_courier(queue: Shop, tmp_path: Path) -> None:
+def test_hung_command_does_not_outlive_the_sender(queue: Shop, tmp_path: Path) -> None:
     number = tmp_path / "number"
     way = encode_notice(CommandNotice(("sh", "-c", f"sleep 600 & echo $! > {number}; wait")))
     told: list[str] = []
@@ -330,7 +330,7 @@ def test_a_program_that_hangs_does_not_outlive_the_courier(queue: Shop, tmp_path
     assert queue.outbox.pending_count() == 2
 
 
-def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
+def test_full_disk_is_reported_once_and_notices_are_not_sent_twice(
     queue: Shop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     queue.add(new())
@@ -356,7 +356,7 @@ def test_a_full_disk_is_told_once_and_what_was_delivered_is_not_sent_again(
     assert said.startswith(f"notices wait: {tmp_path / 'tasks.db'}: database or disk is full; retrying")
 
 
-def test_a_queue_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
+def test_queue_that_cannot_be_opened_is_reported(tmp_path: Path) -> None:
     (tmp_path / "tasks.db").write_text("no database" * 1000, encoding="utf-8")
     told: list[str] = []
     with NoticeSender(tmp_path / "tasks.db", lambda _: print, lambda: 0.0, told.append) as courier:
@@ -366,7 +366,7 @@ def test_a_queue_that_cannot_be_opened_is_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", [sqlite3.DatabaseError("database disk image is malformed"), TypeError("no text")])
-def test_a_queue_that_is_damaged_meanwhile_is_told_once_and_ends_the_courier_alone(
+def test_damaged_queue_is_reported_once_and_ends_only_the_sender(
     queue: Shop, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, damage: Exception
 ) -> None:
     broken, told = Event(), list[str]()
@@ -387,7 +387,7 @@ def test_a_queue_that_is_damaged_meanwhile_is_told_once_and_ends_the_courier_alo
     assert told == [f"notices are not delivered any more: {damage}"]
 
 
-def test_a_channel_that_is_not_known_is_told_and_tried_again(queue: Shop, tmp_path: Path) -> None:
+def test_unknown_channel_is_reported_and_retried(queue: Shop, tmp_path: Path) -> None:
     queue.add(new())
     queue.attempt("success")
     told: list[str] = []
@@ -400,7 +400,7 @@ def test_a_channel_that_is_not_known_is_told_and_tried_again(queue: Shop, tmp_pa
 # Where they go
 
 
-def test_a_task_tells_where_its_robot_file_said_when_that_is_broken_later(tmp_path: Path) -> None:
+def test_task_keeps_its_channels_if_the_robot_file_breaks_later(tmp_path: Path) -> None:
     robot = tmp_path / "mine.yaml"
     robot.write_text("robot: mine\nnotices:\n  - command: [notify-send, Robot]\n", encoding="utf-8")
     way = encode_notice(CommandNotice(("notify-send", "Robot")))
@@ -417,5 +417,5 @@ def test_a_task_tells_where_its_robot_file_said_when_that_is_broken_later(tmp_pa
         assert channels_of(queue.task(number)) == (way,)
 
 
-def test_a_task_whose_robot_says_nothing_tells_on_the_terminal(queue: Shop) -> None:
+def test_task_without_notices_in_its_robot_file_uses_the_terminal(queue: Shop) -> None:
     assert channels_of(queue.queue.task(queue.add(new()))) == (encode_notice(TerminalNotice()),)

@@ -30,7 +30,7 @@ def serve(queue: Shop, work: Callable[[Claim, Stopping, Say], AttemptOutcome], l
     return told
 
 
-def test_it_does_all_that_is_due_in_turn_and_says_what_it_begins(queue: Shop) -> None:
+def test_server_runs_due_tasks_in_order_and_reports_each(queue: Shop) -> None:
     for mission in ("greet", "wander"):
         queue.add(new(mission))
     queue.add(new(due=queue.now + 60.0))
@@ -49,14 +49,14 @@ def test_it_does_all_that_is_due_in_turn_and_says_what_it_begins(queue: Shop) ->
     assert queue.queue.task(3).state == "waiting"
 
 
-def test_it_begins_with_what_the_one_before_left_behind(queue: Shop) -> None:
+def test_server_begins_with_interrupted_tasks(queue: Shop) -> None:
     queue.add(new())
     queue.claim()
     assert serve(queue, lambda *_: AttemptOutcome("success")) == ["task 1: greet begins, attempt 2"]
     assert queue.kinds(1) == ["interrupted", "done"]
 
 
-def test_who_works_hears_that_a_task_was_cancelled(queue: Shop) -> None:
+def test_worker_is_stopped_when_its_task_is_cancelled(queue: Shop) -> None:
     queue.add(new(every="60 s"))
 
     def work(claim: Claim, stopping: Stopping, say: Say) -> AttemptOutcome:
@@ -70,7 +70,7 @@ def test_who_works_hears_that_a_task_was_cancelled(queue: Shop) -> None:
     assert [task.state for task in queue.queue.tasks()] == ["cancelled"]
 
 
-def test_it_ends_when_it_is_told_to_and_leaves_the_rest(queue: Shop) -> None:
+def test_stopped_server_leaves_the_remaining_tasks(queue: Shop) -> None:
     for _ in range(2):
         queue.add(new())
     server: TaskServer
@@ -88,7 +88,7 @@ def test_it_ends_when_it_is_told_to_and_leaves_the_rest(queue: Shop) -> None:
     assert queue.queue.task(1).interruptions == 0, "that somebody stops the server does not count"
 
 
-def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
+def test_run_that_cannot_be_started_fails(queue: Shop) -> None:
     queue.add(new(policy=RetryPolicy(retries=1)))
 
     def work(*_: object) -> AttemptOutcome:
@@ -101,7 +101,7 @@ def test_a_run_that_cannot_be_started_has_failed(queue: Shop) -> None:
     assert "Cannot allocate memory" in task.reason
 
 
-def test_once_waits_for_what_is_to_be_tried_again_and_does_others_meanwhile(queue: Shop) -> None:
+def test_once_waits_for_retries_and_runs_others_meanwhile(queue: Shop) -> None:
     queue.add(new("absent", policy=RetryPolicy(retries=1)))
     queue.add(new("greet"))
     order: list[str] = []
@@ -115,7 +115,7 @@ def test_once_waits_for_what_is_to_be_tried_again_and_does_others_meanwhile(queu
     assert order == ["absent", "greet", "absent"]
 
 
-def test_a_full_disk_is_waited_for_and_what_was_done_is_not_lost(queue: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_delays_but_does_not_lose_the_result(queue: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     queue.add(new())
     finish, full = queue.queue.finish, ["database or disk is full"] * 2
 
@@ -141,9 +141,7 @@ def test_a_full_disk_is_waited_for_and_what_was_done_is_not_lost(queue: Shop, mo
     assert (done, queue.queue.task(1).state) == ([1], "done")
 
 
-def test_an_end_that_cannot_be_written_is_found_by_the_next_server(
-    queue: Shop, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unwritten_result_is_recovered_by_the_next_server(queue: Shop, monkeypatch: pytest.MonkeyPatch) -> None:
     queue.add(new())
     server: TaskServer
 

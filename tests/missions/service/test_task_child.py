@@ -53,7 +53,7 @@ RESULT = "print(json.dumps({{'result': '{0}', 'reason': 'so'}}))"
 PATIENT = "signal.signal(signal.SIGTERM, {0}); print('ready', file=sys.stderr, flush=True); time.sleep(600)"
 
 
-def test_a_run_is_told_its_mission_its_params_and_its_robot() -> None:
+def test_run_gets_mission_params_and_robot_as_arguments() -> None:
     task = claim(
         mission="-odd.yaml", params={"to": "Ana=1", "x": "--simulate"}, robot="r.yaml", options=("--eyes=truth",)
     )
@@ -61,9 +61,7 @@ def test_a_run_is_told_its_mission_its_params_and_its_robot() -> None:
     assert arguments_of(task.task) == words
 
 
-def test_a_task_runs_the_mission_of_the_library_whatever_lies_beside_its_server(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_library_mission_is_preferred_to_a_local_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "greet.yaml").write_text("mission: greet\ntree: stop\n", encoding="utf-8")
     monkeypatch.chdir(tmp_path)
     assert arguments_of(claim(mission="greet").task)[-1] == str(shipped_missions()["greet"])
@@ -71,11 +69,11 @@ def test_a_task_runs_the_mission_of_the_library_whatever_lies_beside_its_server(
 
 
 @pytest.mark.parametrize("how", ["success", "failure", "interrupted", "error"])
-def test_the_result_of_a_run_is_its_outcome(how: How) -> None:
+def test_run_result_is_its_outcome(how: How) -> None:
     assert Attended(RESULT.format(how)).outcome == AttemptOutcome(how, "so")
 
 
-def test_what_it_says_is_heard_as_it_comes_and_shown() -> None:
+def test_run_output_is_received_and_shown_line_by_line() -> None:
     notices = "; ".join(f"print(json.dumps({{'notice': 'n{turn}'}}))" for turn in range(3))
     ran = Attended(f"{notices}; print('words', file=sys.stderr); print('[1]'); print('{{'); {RESULT.format('success')}")
     assert ran.said == ["n0", "n1", "n2"]
@@ -83,33 +81,33 @@ def test_what_it_says_is_heard_as_it_comes_and_shown() -> None:
     assert ran.outcome.how == "success"
 
 
-def test_much_is_heard_whole() -> None:
+def test_large_output_is_received_completely() -> None:
     ran = Attended(f"for n in range(20000): print('x' * 50, file=sys.stderr)\n{RESULT.format('success')}")
     assert ran.lines == ["x" * 50] * 20000
     assert ran.outcome.how == "success"
 
 
-def test_a_run_that_died_without_a_result_was_interrupted() -> None:
+def test_killed_run_without_a_result_is_interrupted() -> None:
     assert Attended("os.kill(os.getpid(), 9)").outcome == AttemptOutcome("interrupted", "the run died: signal 9")
 
 
-def test_a_run_that_ends_without_a_result_says_why() -> None:
+def test_run_without_a_result_gives_the_reason() -> None:
     script = "print('mission: no such file', file=sys.stderr); sys.exit(2)"
     assert Attended(script).outcome == AttemptOutcome("error", "mission: no such file")
     assert Attended("sys.exit(70)").outcome.reason == "the run ended with exit code 70 and no output"
 
 
-def test_a_result_counts_even_where_the_run_dies_after_it() -> None:
+def test_result_counts_even_if_the_run_dies_afterwards() -> None:
     script = f"{RESULT.format('success')}; sys.stdout.flush(); os.kill(os.getpid(), 9)"
     assert Attended(script).outcome.how == "success"
 
 
-def test_a_run_is_stopped_with_a_signal_and_says_how_that_went() -> None:
+def test_stop_signal_ends_a_run_with_its_own_result() -> None:
     script = f"def end(*_): {RESULT.format('interrupted')}; sys.exit(130)\n{PATIENT.format('end')}"
     assert Attended(script, stop=True).outcome == AttemptOutcome("interrupted", "so")
 
 
-def test_a_run_that_does_not_stop_is_killed_with_all_that_it_started(tmp_path: Path) -> None:
+def test_unresponsive_run_is_killed_with_its_children(tmp_path: Path) -> None:
     script = "import subprocess; subprocess.Popen(['sleep', '600'], close_fds=False)\n"
     with hold_lock(tmp_path / "run.lock") as held:
         ran = Attended(script + PATIENT.format("signal.SIG_IGN"), stop=True, hold=(held,), grace=0.5)
@@ -117,7 +115,7 @@ def test_a_run_that_does_not_stop_is_killed_with_all_that_it_started(tmp_path: P
     assert ran.outcome == AttemptOutcome("interrupted", "it did not stop within 0.5 s, and was killed")
 
 
-def test_a_run_comes_to_rest_before_it_is_killed_whatever_goes_wrong_in_the_server(tmp_path: Path) -> None:
+def test_server_error_stops_the_run_safely(tmp_path: Path) -> None:
     rested = tmp_path / "rested"
     # It says more than a pipe holds meanwhile: to be heard no more must not keep it from its rest.
     end = f"def end(*_): print('x' * 300000); sys.stdout.flush(); open({str(rested)!r}, 'w').close(); sys.exit(130)\n"
@@ -135,7 +133,7 @@ def test_a_run_comes_to_rest_before_it_is_killed_whatever_goes_wrong_in_the_serv
     assert rested.exists()
 
 
-def test_a_run_that_does_not_rest_when_the_server_fails_is_killed() -> None:
+def test_unresponsive_run_is_killed_after_a_server_error() -> None:
     def fail(*_: object) -> NoReturn:
         raise sqlite3.DatabaseError("database disk image is malformed")
 
@@ -143,19 +141,19 @@ def test_a_run_that_does_not_rest_when_the_server_fails_is_killed() -> None:
         Attended(PATIENT.format("signal.SIG_IGN"), stop=True, stopping=fail, grace=0.5)
 
 
-def test_what_no_file_takes_is_heard_as_a_question_mark() -> None:
+def test_unencodable_characters_become_question_marks() -> None:
     script = "print(json.dumps({'notice': 'hello Ren\\udce9'})); "
     script += "print(json.dumps({'result': 'failure', 'reason': 'no \\udce9'}))"
     ran = Attended(script)
     assert (ran.said, ran.outcome) == (["hello Ren?"], AttemptOutcome("failure", "no ?"))
 
 
-def test_what_a_run_leaves_behind_does_not_keep_it_from_ending() -> None:
+def test_background_process_of_a_run_does_not_delay_its_end() -> None:
     ran = Attended(f"import subprocess; subprocess.Popen(['sleep', '3'])\n{RESULT.format('success')}")
     assert ran.outcome.how == "success"
 
 
-def test_a_run_inherits_what_the_server_holds(tmp_path: Path) -> None:
+def test_run_inherits_the_servers_locks(tmp_path: Path) -> None:
     with hold_lock(tmp_path / "run.lock") as held:
         script = f"os.fstat({held}); print('ready', file=sys.stderr); {RESULT.format('success')}"
         assert Attended(script, hold=(held,)).lines == ["ready"]
@@ -172,7 +170,7 @@ process(claim(), lambda: False, print)
 """
 
 
-def test_the_leash_of_a_run_is_loose_when_its_server_is_killed() -> None:
+def test_run_ends_when_its_server_is_killed() -> None:
     with subprocess.Popen([sys.executable, "-c", SERVER], cwd=ROOT, stdout=subprocess.PIPE, text=True) as server:
         assert server.stdout is not None
         run = int(server.stdout.readline())

@@ -16,7 +16,7 @@ def queue(tmp_path: Path) -> Iterator[Shop]:
         yield opened
 
 
-def test_a_repetition_comes_again_however_it_ended(queue: Shop) -> None:
+def test_repetition_is_scheduled_after_any_result(queue: Shop) -> None:
     first = queue.add(new(every="day 12:00", policy=RetryPolicy("give-up")))
     hows: list[How] = ["success", "failure", "interrupted"]
     for days, how in enumerate(hows, start=1):
@@ -27,7 +27,7 @@ def test_a_repetition_comes_again_however_it_ended(queue: Shop) -> None:
         queue.now = task.due
 
 
-def test_repetitions_that_passed_while_it_ran_are_not_made_up_for(queue: Shop) -> None:
+def test_repetitions_missed_during_a_run_are_skipped(queue: Shop) -> None:
     queue.add(new(every="60 s"))
     claim = queue.claim()
     queue.now += 200.0
@@ -36,13 +36,13 @@ def test_repetitions_that_passed_while_it_ran_are_not_made_up_for(queue: Shop) -
     assert task.due == START + 240.0
 
 
-def test_a_task_without_a_time_runs_whatever_the_clock_says(queue: Shop) -> None:
+def test_task_without_a_time_ignores_the_clock(queue: Shop) -> None:
     number = queue.add(NewTask(mission="greet", late=3600.0))
     queue.now -= 10 * 365 * 86400.0
     assert queue.claim().task.id == number
 
 
-def test_a_task_without_a_time_is_late_after_it_was_added(queue: Shop) -> None:
+def test_lateness_of_a_task_without_time_counts_from_its_addition(queue: Shop) -> None:
     number = queue.add(new(due=0.0, late=60.0))
     queue.now += 61.0
     assert queue.queue.claim(queue.now) is None
@@ -52,9 +52,7 @@ def test_a_task_without_a_time_is_late_after_it_was_added(queue: Shop) -> None:
 
 
 @pytest.mark.parametrize(("every", "due"), [("1800 s", 1800.0), ("day 12:00", 0.0), ("day 18:00", 6 * 3600.0)])
-def test_repetitions_that_are_too_far_ahead_come_in_time_where_the_clock_is_put_back(
-    queue: Shop, every: str, due: float
-) -> None:
+def test_distant_repetition_is_rescheduled_after_the_clock_is_set_back(queue: Shop, every: str, due: float) -> None:
     right, years = queue.now - 60.0, 4 * 365 * 86400.0
     queue.now += years
     queue.add(new(due=queue.now, every=every))
@@ -67,7 +65,7 @@ def test_repetitions_that_are_too_far_ahead_come_in_time_where_the_clock_is_put_
     assert queue.attempt("success").state == "done"
 
 
-def test_when_a_repetition_comes_is_known_without_a_server_that_draws_it_in(queue: Shop) -> None:
+def test_expected_time_of_a_distant_repetition_needs_no_server(queue: Shop) -> None:
     right, years = queue.now, 174 * 365 * 86400.0
     queue.now += years
     queue.add(new(due=queue.now, every="1800 s"))
@@ -77,13 +75,13 @@ def test_when_a_repetition_comes_is_known_without_a_server_that_draws_it_in(queu
     assert queue.queue.expected_time(task, right) == right + 1800.0
 
 
-def test_what_is_to_begin_later_is_not_drawn_in(queue: Shop) -> None:
+def test_later_task_is_not_rescheduled(queue: Shop) -> None:
     queue.add(new(due=START + 30 * 86400.0, every="1800 s"))
     queue.queue.claim(queue.now)
     assert [task.due for task in queue.queue.tasks()] == [START + 30 * 86400.0]
 
 
-def test_a_clock_that_goes_to_and_fro_does_not_repeat_what_was_done_at_a_time(queue: Shop) -> None:
+def test_clock_jitter_does_not_repeat_a_daily_task(queue: Shop) -> None:
     queue.add(new(every="day 12:00"))
     queue.attempt("success")
     queue.now = START - 0.5
@@ -91,7 +89,7 @@ def test_a_clock_that_goes_to_and_fro_does_not_repeat_what_was_done_at_a_time(qu
     assert [task.due for task in queue.queue.tasks(ended=False)] == [START + 86400.0]
 
 
-def test_a_repetition_that_nobody_can_read_ends_and_says_so(queue: Shop) -> None:
+def test_unreadable_repetition_ends_with_a_reason(queue: Shop) -> None:
     number = queue.add(new(every="1e15 s"))
     task = queue.attempt("failure", "no camera")
     assert (task.state, task.reason) == (
@@ -101,7 +99,7 @@ def test_a_repetition_that_nobody_can_read_ends_and_says_so(queue: Shop) -> None
     assert [each.id for each in queue.queue.tasks()] == [number]
 
 
-def test_a_task_that_was_missed_is_told_and_the_next_one_waits(queue: Shop) -> None:
+def test_missed_task_is_reported_and_its_repetition_waits(queue: Shop) -> None:
     number = queue.add(new(due=START, late=3600.0, every="day 12:00"))
     other = queue.add(new(due=START + 1.0))
     queue.now += 5 * 3600.0
@@ -114,20 +112,20 @@ def test_a_task_that_was_missed_is_told_and_the_next_one_waits(queue: Shop) -> N
     assert [each.due for each in queue.queue.tasks(ended=False) if each.state == "waiting"] == [START + 86400.0]
 
 
-def test_a_task_that_is_late_within_its_limit_runs(queue: Shop) -> None:
+def test_task_within_its_lateness_limit_runs(queue: Shop) -> None:
     number = queue.add(new(due=START, late=3600.0))
     queue.now += 3600.0
     assert queue.claim().task.id == number
 
 
-def test_one_that_was_begun_in_time_and_interrupted_is_not_missed(queue: Shop) -> None:
+def test_interrupted_task_that_began_in_time_is_not_missed(queue: Shop) -> None:
     number = queue.add(new(due=START, late=60.0))
     queue.attempt("interrupted")
     queue.now += 3600.0
     assert queue.claim().task.id == number
 
 
-def test_another_try_comes_after_a_pause_in_which_others_go_on(queue: Shop) -> None:
+def test_retry_waits_while_other_tasks_run(queue: Shop) -> None:
     number, other = queue.add(new(policy=RetryPolicy(retries=1))), queue.add(new())
     queue.queue.finish(queue.claim(), AttemptOutcome("error", "no camera"), queue.now)
     assert queue.queue.finish(queue.claim(), AttemptOutcome("success"), queue.now).id == other

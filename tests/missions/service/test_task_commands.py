@@ -88,7 +88,7 @@ def serve_once() -> list[str]:
 # What is asked of the queue
 
 
-def test_a_task_is_moved_before_another_while_it_waits(user: User) -> None:
+def test_move_changes_the_priority_of_a_waiting_task(user: User) -> None:
     user.add()
     user.add()
     assert user.task("move", "2", "--priority", "5").out == "task 2 has priority 5\n"
@@ -98,7 +98,7 @@ def test_a_task_is_moved_before_another_while_it_waits(user: User) -> None:
     assert "there is no task 9" in user.task("move", "9", "--priority", "5").err
 
 
-def test_a_task_that_needs_approval_begins_once_somebody_has_approved_it(user: User) -> None:
+def test_task_that_needs_approval_begins_once_approved(user: User) -> None:
     added = user.add("--needs-approval")
     assert "it waits for approval: mission task approve 1\n" in added.out
     serve_once()
@@ -125,7 +125,7 @@ def test_a_task_is_added_listed_cancelled_and_logged(user: User) -> None:
     assert json.loads(user.task("log", "1", "--json").out)["task"]["state"] == "cancelled"
 
 
-def test_a_task_is_kept_as_the_server_can_run_it_from_anywhere(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_task_is_stored_with_paths_for_any_working_directory(user: User, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(user.folder)
     user.mission = Path("tell.yaml")
     user.add("--simulate", "fast", "--eyes", "truth", "--world", "party", "--robot", "turtlebot2_arm")
@@ -138,7 +138,7 @@ def test_a_task_is_kept_as_the_server_can_run_it_from_anywhere(user: User, monke
     assert user.tasks()[1]["mission"] == "greet"
 
 
-def test_a_repetition_and_its_policy_are_kept(user: User) -> None:
+def test_repetition_and_policy_are_stored(user: User) -> None:
     out = user.add("--at", "18:00", "--every", "monday", "--retry", "2", "--if-interrupted", "give-up").out
     assert out.endswith("then every monday 18:00\n")
     (task,) = user.tasks()
@@ -146,7 +146,7 @@ def test_a_repetition_and_its_policy_are_kept(user: User) -> None:
     assert (task["late"], task["series"]) == (3600.0, 1)
 
 
-def test_a_mission_says_what_becomes_of_it_unless_whoever_asks_does(user: User) -> None:
+def test_if_interrupted_option_overrides_the_mission(user: User) -> None:
     user.add()
     user.mission.write_text(TELL.replace("tree:", "if_interrupted: give_up\ntree:"), encoding="utf-8")
     user.add()
@@ -155,7 +155,7 @@ def test_a_mission_says_what_becomes_of_it_unless_whoever_asks_does(user: User) 
     assert [policy["interrupted"] for policy in policies if isinstance(policy, dict)] == ["retry", "give-up", "retry"]
 
 
-def test_a_priority_is_kept_and_listed_where_any_is_not_0(user: User) -> None:
+def test_priority_is_stored_and_listed_if_not_zero(user: User) -> None:
     user.add()
     assert "priority" not in user.task("list").out
     user.add("--priority", "7", "--every", "30 min")
@@ -167,14 +167,14 @@ def test_a_priority_is_kept_and_listed_where_any_is_not_0(user: User) -> None:
     assert (refused.code, "-100<=x<=100" in refused.err) == (2, True)
 
 
-def test_a_param_that_is_not_utf_8_is_refused_in_words(user: User) -> None:
+def test_param_that_is_not_utf_8_is_refused(user: User) -> None:
     refused = user.task("add", str(user.mission), "--param", "to=Ren\udce9")
     assert refused.code == 2
     assert "'to=Ren\\xe9' is not UTF-8 text" in refused.err
     assert user.tasks() == []
 
 
-def test_the_list_shows_what_no_calendar_holds(user: User) -> None:
+def test_list_shows_times_beyond_the_calendar(user: User) -> None:
     user.add("--every", "30 min")
     with closing(open_db(user.state / "tasks.db")) as connection:
         connection.execute("UPDATE task SET due = 1e300, every = '1e15 s'")
@@ -182,7 +182,7 @@ def test_the_list_shows_what_no_calendar_holds(user: User) -> None:
     assert user.task("log", "1").code == 0
 
 
-def test_a_damaged_queue_is_told_in_words(user: User, capsys: pytest.CaptureFixture[str]) -> None:
+def test_damaged_queue_is_reported(user: User, capsys: pytest.CaptureFixture[str]) -> None:
     user.add()
     path = user.state / "tasks.db"
     path.write_bytes(path.read_bytes()[:4096] + b"\x5a" * 65536)
@@ -205,20 +205,20 @@ def test_a_damaged_queue_is_told_in_words(user: User, capsys: pytest.CaptureFixt
         (["greet", "--eyes", "truth"], "add --simulate fast"),
     ],
 )
-def test_what_cannot_be_run_is_refused_when_it_is_added(user: User, words: list[str], why: str) -> None:
+def test_invalid_task_is_refused_when_added(user: User, words: list[str], why: str) -> None:
     refused = user.task("add", *words)
     assert refused.code == 2
     assert why in refused.err
     assert not user.state.exists() or user.tasks() == []
 
 
-def test_a_mission_that_lacks_a_param_is_refused(user: User) -> None:
+def test_mission_with_a_missing_param_is_refused(user: User) -> None:
     refused = user.task("add", str(user.mission))
     assert (refused.code, "to" in refused.err) == (2, True)
 
 
 @pytest.mark.parametrize("words", [["remove", "3"], ["log", "3"]])
-def test_a_task_that_is_not_there_is_an_error(user: User, words: list[str]) -> None:
+def test_unknown_task_number_is_an_error(user: User, words: list[str]) -> None:
     outcome = user.task(*words)
     assert (outcome.code, outcome.err) == (2, "Error: there is no task 3\n  try: mission task list --all\n")
 
@@ -234,7 +234,7 @@ def test_a_second_server_is_refused(user: User, capsys: pytest.CaptureFixture[st
 
 
 @pytest.mark.real_time
-def test_tasks_are_run_and_told_on_the_terminal(user: User) -> None:
+def test_tasks_are_run_and_reported_on_the_terminal(user: User) -> None:
     user.add()
     user.add("--simulate", "fast")
     lines = [line.partition("  ")[2] for line in serve_once()]
@@ -248,7 +248,7 @@ def test_tasks_are_run_and_told_on_the_terminal(user: User) -> None:
 
 
 @pytest.mark.real_time
-def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: User, server: Process) -> None:
+def test_killed_server_leaves_no_run_and_the_next_reports_the_interruption(user: User, server: Process) -> None:
     user.add("--if-interrupted", "give-up", time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
     assert user.state_of(1) == "running"
@@ -260,7 +260,7 @@ def test_a_server_that_is_killed_leaves_no_run_and_the_next_one_tells_it(user: U
 
 
 @pytest.mark.real_time
-def test_a_run_is_cancelled_safely_while_the_server_goes_on(user: User, server: Process) -> None:
+def test_running_task_is_cancelled_while_the_server_continues(user: User, server: Process) -> None:
     user.add(time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
     assert user.task("remove", "1").out == "task 1 is being stopped\n"
@@ -273,7 +273,7 @@ def test_a_run_is_cancelled_safely_while_the_server_goes_on(user: User, server: 
 
 
 @pytest.mark.real_time
-def test_a_server_that_is_stopped_stops_its_run_and_keeps_the_task(user: User, server: Process) -> None:
+def test_stopped_server_stops_its_run_and_keeps_the_task(user: User, server: Process) -> None:
     user.add("--if-interrupted", "retry", time="600 s")
     server.wait_for_line(lambda line: "looking for Ana" in line, seconds=60.0)
     assert server.end(signal.SIGINT) == 0
@@ -284,7 +284,7 @@ def test_a_server_that_is_stopped_stops_its_run_and_keeps_the_task(user: User, s
     assert task["reason"] == "the server was stopped: SIGTERM"
 
 
-def test_nobody_reads_a_secret_address_off_the_queue(user: User) -> None:
+def test_task_output_hides_secret_addresses(user: User) -> None:
     robot = user.folder / "rob.yaml"
     robot.write_text("robot: rob\nvoice: {driver: print}\nnotices:\n  - webhook: https://chat.example/s3cret\n")
     user.add("--robot", str(robot))
@@ -294,7 +294,7 @@ def test_nobody_reads_a_secret_address_off_the_queue(user: User) -> None:
 
 
 @pytest.mark.real_time
-def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
+def test_simulated_runs_survive_killed_servers(user: User) -> None:
     for _ in range(3):
         user.add("--simulate", "fast", "--if-interrupted", "retry")
     for seconds in (0.4, 1.1, 2.3):
@@ -310,7 +310,7 @@ def test_real_runs_survive_servers_that_are_killed(user: User) -> None:
     assert {task["state"] for task in user.tasks()} == {"done"}
 
 
-def test_the_list_names_what_was_added_at_a_time_to_come(user: User) -> None:
+def test_list_warns_of_tasks_added_in_the_future(user: User) -> None:
     user.add()
     with closing(open_db(user.state / "tasks.db")) as connection:
         connection.execute("UPDATE task SET added = 7258118400.0")

@@ -20,7 +20,7 @@ from tests.missions.service.small_queue import new, shop
 ROOT = Path(__file__).parents[3]
 
 
-def test_the_file_is_for_its_owner_alone_and_waits_for_the_disk(tmp_path: Path) -> None:
+def test_queue_file_is_private_and_synced(tmp_path: Path) -> None:
     path = tmp_path / "state" / "missiontree" / "tasks.db"
     with closing(open_db(path)) as connection:
         connection.execute("INSERT INTO task SELECT * FROM task WHERE 0")
@@ -35,7 +35,7 @@ def test_the_file_is_for_its_owner_alone_and_waits_for_the_disk(tmp_path: Path) 
 PRAGMAS = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1, "user_version": VERSION}
 
 
-def test_a_file_that_others_could_read_is_shut(tmp_path: Path) -> None:
+def test_readable_queue_file_becomes_private(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     open_db(path).close()
     path.chmod(0o644)
@@ -50,7 +50,7 @@ def test_a_file_that_others_could_read_is_shut(tmp_path: Path) -> None:
         *((version, "an older", "mv ") for version in range(1, VERSION)),
     ],
 )
-def test_a_queue_of_another_version_is_refused_and_left_as_it_is(
+def test_queue_of_another_version_is_refused_and_left_unchanged(
     tmp_path: Path, version: int, words: str, hint: str
 ) -> None:
     path = tmp_path / "tasks.db"
@@ -63,7 +63,7 @@ def test_a_queue_of_another_version_is_refused_and_left_as_it_is(
     assert path.read_bytes() == before
 
 
-def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+def test_file_that_is_not_a_queue_is_refused_and_left_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     path.write_text("my notes" * 1000, encoding="utf-8")
     with pytest.raises(TaskError, match="is damaged, or not a task queue: file is not a database") as raised:
@@ -72,7 +72,7 @@ def test_a_file_that_is_no_queue_is_refused_and_left_as_it_is(tmp_path: Path) ->
     assert path.read_text(encoding="utf-8") == "my notes" * 1000
 
 
-def test_a_damaged_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+def test_damaged_queue_is_refused_and_left_unchanged(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     open_db(path).close()
     damaged = path.read_bytes()[:4096] + b"\x5a" * 8192
@@ -83,7 +83,7 @@ def test_a_damaged_queue_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
     assert path.read_bytes() == damaged
 
 
-def test_a_queue_that_was_emptied_or_cut_off_is_no_new_queue(tmp_path: Path) -> None:
+def test_truncated_queue_is_not_taken_for_a_new_one(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with shop(path) as opened:
         opened.add(new())
@@ -107,7 +107,7 @@ def test_a_database_of_something_else_gets_no_tables_of_ours(tmp_path: Path) -> 
         open_db(path)
 
 
-def test_a_log_without_its_queue_is_no_new_queue(tmp_path: Path) -> None:
+def test_missing_queue_with_a_log_is_not_taken_for_a_new_one(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with closing(open_db(path)) as connection:
         connection.execute("INSERT INTO attempt (task, number, began) SELECT 1, 1, 0 WHERE 0")
@@ -119,7 +119,7 @@ def test_a_log_without_its_queue_is_no_new_queue(tmp_path: Path) -> None:
     assert [each.name for each in tmp_path.iterdir()] == ["tasks.db"]
 
 
-def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path) -> None:
+def test_damage_in_the_middle_of_a_queue_is_found_when_opened(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with shop(path) as opened:
         for _ in range(200):
@@ -132,7 +132,7 @@ def test_damage_in_the_midst_of_a_queue_is_seen_when_it_is_opened(tmp_path: Path
 
 
 @pytest.mark.parametrize("column", ["params", "options", "channels", "due", "added", "not_before"])
-def test_a_task_that_is_not_as_it_was_written_is_damage_and_no_fault_of_ours(tmp_path: Path, column: str) -> None:
+def test_damaged_task_is_reported_as_damage(tmp_path: Path, column: str) -> None:
     path = tmp_path / "tasks.db"
     with shop(path) as opened:
         opened.add(new())
@@ -165,7 +165,7 @@ def test_bytes_where_a_text_or_a_number_was_are_damage(tmp_path: Path, column: s
         ("outbox", "body", "notice 1"),
     ],
 )
-def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
+def test_damaged_attempts_and_notices_are_reported_as_damage(
     tmp_path: Path, table: str, column: str, what: str
 ) -> None:
     path = tmp_path / "tasks.db"
@@ -181,7 +181,7 @@ def test_attempts_and_notices_that_are_not_as_they_were_written_are_damage(
                 _ = opened.queue.attempts(1), opened.outbox.notices_of(1)
 
 
-def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own(tmp_path: Path) -> None:
+def test_database_errors_are_translated_except_for_our_own(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     with pytest.raises(TaskError, match="is damaged") as raised, queue_errors(path):
         raise sqlite3.DatabaseError("database disk image is malformed")
@@ -192,7 +192,7 @@ def test_what_breaks_while_it_is_used_is_told_in_words_but_for_faults_of_our_own
         raise sqlite3.IntegrityError("UNIQUE constraint failed")
 
 
-def test_a_folder_that_cannot_be_made_says_what_to_try(tmp_path: Path) -> None:
+def test_folder_that_cannot_be_created_gives_a_hint(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(TaskError, match="Not a directory") as raised:
         open_db(tmp_path / "file" / "missiontree" / "tasks.db")
@@ -207,7 +207,7 @@ def test_a_disk_without_a_write_ahead_log_is_refused() -> None:
         prepare(connection, Path("tasks.db"), new=True)
 
 
-def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:
+def test_queue_file_can_be_created_concurrently(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
 
     def begin(_: int) -> int:
@@ -219,7 +219,7 @@ def test_many_programs_may_make_it_at_once(tmp_path: Path) -> None:
         assert list(pool.map(begin, range(16))) == [0] * 16
 
 
-def test_whoever_else_opens_it_in_this_process_takes_no_lock_from_us(tmp_path: Path) -> None:
+def test_second_connection_of_this_process_keeps_our_locks(tmp_path: Path) -> None:
     path = tmp_path / "tasks.db"
     look = "import sys; from pathlib import Path; from missions.plugins.tasks.queue_database import open_db; "
     look += "open_db(Path(sys.argv[1])).close()"
@@ -265,7 +265,7 @@ class Prober:
         return 0.0
 
 
-def test_who_only_asks_for_the_lock_keeps_nobody_from_it(tmp_path: Path) -> None:
+def test_lock_query_does_not_prevent_taking_the_lock(tmp_path: Path) -> None:
     prober = Prober(tmp_path / "serve.lock")
     with hold_lock(tmp_path / "serve.lock", clock=prober):
         assert is_locked(tmp_path / "serve.lock")

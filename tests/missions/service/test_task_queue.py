@@ -17,7 +17,7 @@ def queue(tmp_path: Path) -> Iterator[Shop]:
         yield opened
 
 
-def test_tasks_are_done_in_the_order_in_which_they_are_due(queue: Shop) -> None:
+def test_tasks_are_claimed_in_order_of_their_due_times(queue: Shop) -> None:
     later, sooner, last = (queue.add(new(due=START + after)) for after in (2.0, 1.0, 2.0))
     assert queue.queue.claim(queue.now) is None
     queue.now += 3.0
@@ -25,7 +25,7 @@ def test_tasks_are_done_in_the_order_in_which_they_are_due(queue: Shop) -> None:
     assert queue.queue.claim(queue.now) is None
 
 
-def test_of_those_that_are_due_the_highest_priority_is_first(queue: Shop) -> None:
+def test_due_task_with_the_highest_priority_is_first(queue: Shop) -> None:
     plain, low, high = queue.add(new()), queue.add(new(priority=-1)), queue.add(new(due=START + 1.0, priority=5))
     also_high, ahead = queue.add(new(due=START + 2.0, priority=5)), queue.add(new(due=START + 1e6, priority=9))
     assert [task.id for task in queue.queue.tasks()] == [ahead, high, also_high, plain, low]
@@ -33,13 +33,13 @@ def test_of_those_that_are_due_the_highest_priority_is_first(queue: Shop) -> Non
     assert [queue.attempt("success").id for _ in range(4)] == [high, also_high, plain, low]
 
 
-def test_a_repetition_keeps_its_priority(queue: Shop) -> None:
+def test_repetition_keeps_its_priority(queue: Shop) -> None:
     queue.add(new(priority=5, every="60 s"))
     queue.attempt("success")
     assert [task.priority for task in queue.queue.tasks(ended=False)] == [5]
 
 
-def test_a_task_without_a_time_takes_its_turn_from_when_it_was_added(queue: Shop) -> None:
+def test_task_without_a_time_is_ordered_by_its_addition(queue: Shop) -> None:
     timed = queue.add(new(due=START + 1.0))
     queue.now += 2.0
     at_once = queue.add(new(due=0.0))
@@ -55,14 +55,14 @@ def test_the_order_is_read_from_an_index(queue: Shop) -> None:
     assert plan == ["SCAN task USING INDEX waiting"]
 
 
-def test_a_text_that_is_not_utf_8_is_refused(queue: Shop) -> None:
+def test_text_that_is_not_utf_8_is_refused(queue: Shop) -> None:
     for task in (replace(new(), mission="Ren\udce9.yaml"), replace(new(), params={"to": "Ren\udce9"})):
         with pytest.raises(TaskError, match=r"'Ren\\udce9.*' cannot be stored: it is not UTF-8"):
             queue.add(task)
     assert queue.queue.tasks() == []
 
 
-def test_a_mission_of_ones_own_is_called_by_its_name(queue: Shop) -> None:
+def test_users_mission_is_named_after_its_file(queue: Shop) -> None:
     assert [new(name).name for name in ("greet", "motions/square", "/missions/my/tell.yaml")] == [
         "greet",
         "motions/square",
@@ -74,7 +74,7 @@ def test_a_mission_of_ones_own_is_called_by_its_name(queue: Shop) -> None:
     assert (letter.notice.text, letter.notice.mission) == (f"tell (task {number}) is done", "/missions/tell.yaml")
 
 
-def test_a_task_is_what_was_added(queue: Shop) -> None:
+def test_stored_task_equals_the_added_one(queue: Shop) -> None:
     wanted = replace(new("mine.yaml", due=START, late=60.0), robot="r.yaml", options=("--simulate=fast",))
     number = queue.add(wanted)
     wanted = replace(wanted, channels=CHANNELS)  # as they are now
@@ -85,7 +85,7 @@ def test_a_task_is_what_was_added(queue: Shop) -> None:
     assert (task.state, task.attempts, task.has_ended) == ("waiting", 0, False)
 
 
-def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
+def test_success_is_reported_to_every_channel_once(queue: Shop) -> None:
     number = queue.add(new())
     assert queue.attempt("success").state == "done"
     for channel in ("home", "away"):
@@ -110,7 +110,7 @@ def test_success_is_told_to_every_channel_once(queue: Shop) -> None:
         ),
     ],
 )
-def test_what_did_not_succeed_is_tried_again_as_its_policy_says(
+def test_unsuccessful_task_is_retried_by_its_policy(
     queue: Shop, policy: RetryPolicy, hows: list[How], state: State, kinds: list[str]
 ) -> None:
     number = queue.add(new(policy=policy))
@@ -121,14 +121,14 @@ def test_what_did_not_succeed_is_tried_again_as_its_policy_says(
     assert queue.queue.claim(queue.now + 1e6) is None
 
 
-def test_an_end_is_told_with_its_reason(queue: Shop) -> None:
+def test_failure_is_reported_with_its_reason(queue: Shop) -> None:
     number = queue.add(new())
     queue.attempt("failure", "Ana was not found")
     assert queue.told(number) == [f"greet (task {number}) failed: Ana was not found"]
     assert queue.queue.task(number).reason == "Ana was not found"
 
 
-def test_what_a_crash_cut_off_is_interrupted_and_goes_first_again(queue: Shop) -> None:
+def test_task_interrupted_by_a_crash_is_claimed_first(queue: Shop) -> None:
     number, other = queue.add(new()), queue.add(new())
     queue.claim()
     queue.now += 60.0
@@ -152,7 +152,7 @@ def test_an_attempt_ends_once(queue: Shop) -> None:
         queue.queue.finish(claim, AttemptOutcome("success"), queue.now)
 
 
-def test_the_database_itself_refuses_what_must_never_be(queue: Shop) -> None:
+def test_database_constraints_refuse_invalid_states(queue: Shop) -> None:
     number, other = queue.add(new()), queue.add(new())
     queue.attempt("success")
     with pytest.raises(sqlite3.IntegrityError, match="this task has ended already"):
@@ -168,7 +168,7 @@ def test_the_database_itself_refuses_what_must_never_be(queue: Shop) -> None:
         queue.connection.execute("UPDATE task SET state = 'lost' WHERE id = ?", (other,))
 
 
-def test_to_be_stopped_with_the_server_is_an_interruption_that_does_not_count(queue: Shop) -> None:
+def test_interruption_by_server_stop_is_not_counted(queue: Shop) -> None:
     number = queue.add(new(policy=RetryPolicy("retry", most=2)))
     for _ in range(5):
         claim = queue.claim()
@@ -193,7 +193,7 @@ def test_to_be_stopped_with_the_server_is_an_interruption_that_does_not_count(qu
 # Cancelling
 
 
-def test_one_that_waits_is_cancelled_at_once_and_never_runs(queue: Shop) -> None:
+def test_waiting_task_is_cancelled_at_once(queue: Shop) -> None:
     number = queue.add(new())
     assert queue.queue.cancel(number, queue.now) == "cancelled"
     assert queue.queue.claim(queue.now) is None
@@ -208,7 +208,7 @@ def test_one_that_waits_is_cancelled_at_once_and_never_runs(queue: Shop) -> None
         ("failure", "failed", "failed"),
     ],
 )
-def test_one_that_runs_is_cancelled_unless_it_ends_first(queue: Shop, how: How, state: State, kind: str) -> None:
+def test_running_task_is_cancelled_unless_it_ends_first(queue: Shop, how: How, state: State, kind: str) -> None:
     number = queue.add(new(policy=RetryPolicy(retries=5), every="day 12:00"))
     claim = queue.claim()
     assert not queue.queue.is_cancelling(claim)
@@ -219,7 +219,7 @@ def test_one_that_runs_is_cancelled_unless_it_ends_first(queue: Shop, how: How, 
     assert queue.queue.tasks(ended=False) == [], "it does not come again"
 
 
-def test_a_task_that_was_to_be_cancelled_when_all_went_down_is(queue: Shop) -> None:
+def test_cancelled_task_stays_cancelled_after_a_crash(queue: Shop) -> None:
     number = queue.add(new())
     queue.claim()
     queue.queue.cancel(number, queue.now)
@@ -227,7 +227,7 @@ def test_a_task_that_was_to_be_cancelled_when_all_went_down_is(queue: Shop) -> N
     assert task.state == "cancelled"
 
 
-def test_what_cannot_be_cancelled_says_why(queue: Shop) -> None:
+def test_task_that_cannot_be_cancelled_gives_the_reason(queue: Shop) -> None:
     number = queue.add(new())
     queue.attempt("success")
     with pytest.raises(TaskError, match=f"task {number} has already ended: it is done"):
@@ -237,7 +237,7 @@ def test_what_cannot_be_cancelled_says_why(queue: Shop) -> None:
     assert raised.value.hint == "mission task list --all"
 
 
-def test_what_a_mission_says_is_told_in_its_words(queue: Shop) -> None:
+def test_mission_notices_are_sent_verbatim(queue: Shop) -> None:
     number = queue.add(new())
     claim = queue.claim()
     for turn, text in enumerate(("Ana is here", "Ana is here"), start=1):
@@ -247,7 +247,7 @@ def test_what_a_mission_says_is_told_in_its_words(queue: Shop) -> None:
     assert len({letter.notice.id for letter in letters}) == 2
 
 
-def test_each_of_a_repetition_needs_an_approval_of_its_own_and_is_missed_without(queue: Shop) -> None:
+def test_each_repetition_needs_its_own_approval(queue: Shop) -> None:
     task = replace(new(every="1 h", late=600.0), needs_approval=True)
     number = queue.add(task)
     assert queue.queue.claim(queue.now) is None

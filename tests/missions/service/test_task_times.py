@@ -34,7 +34,7 @@ def berlin(text: str, fold: int = 0) -> float:
         ("2026-12-24T18:00", "2026-12-24 18:00"),
     ],
 )
-def test_a_time_of_day_is_the_next_such_time(text: str, due: str) -> None:
+def test_time_of_day_is_the_next_such_time(text: str, due: str) -> None:
     assert read_at(text, START, BERLIN) == berlin(due)
 
 
@@ -54,7 +54,7 @@ def test_a_time_of_day_is_the_next_such_time(text: str, due: str) -> None:
         ("2026-11-21 11:59", "'2026-11-21 11:59' is in the past: it is 2026-11-21 12:00 now"),
     ],
 )
-def test_what_is_no_time_to_come_is_refused_in_words(text: str, why: str) -> None:
+def test_invalid_or_past_time_is_refused(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         read_at(text, START, BERLIN)
 
@@ -70,7 +70,7 @@ def test_what_is_no_time_to_come_is_refused_in_words(text: str, why: str) -> Non
         ("sunday 7:00", "sunday 07:00"),
     ],
 )
-def test_a_repetition_without_a_time_of_day_takes_that_of_its_beginning(text: str, written: str) -> None:
+def test_repetition_without_time_of_day_uses_that_of_its_start(text: str, written: str) -> None:
     every = read_repetition(text, START, BERLIN)
     assert str(every) == written
     assert read_repetition(str(every), 0.0, BERLIN) == every
@@ -90,7 +90,7 @@ def test_a_repetition_without_a_time_of_day_takes_that_of_its_beginning(text: st
         ("day 25:00", "'25:00' is not a time of day"),
     ],
 )
-def test_what_is_no_repetition_is_refused_in_words(text: str, why: str) -> None:
+def test_invalid_repetition_is_refused(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         read_repetition(text, START, BERLIN)
 
@@ -103,7 +103,7 @@ def test_a_weekday_comes_once_a_week() -> None:
     assert next_time(monday, first, first + 60.0, BERLIN) == berlin("2026-11-30 09:00")
 
 
-def test_a_time_that_the_clocks_leave_out_is_the_moment_at_which_they_change() -> None:
+def test_time_skipped_by_daylight_saving_becomes_the_clock_change() -> None:
     every = Repetition(at=time(2, 30))
     gap = next_time(every, berlin("2026-03-28 02:30"), 0.0, BERLIN)
     assert datetime.fromtimestamp(gap, UTC) == datetime(2026, 3, 29, 1, 0, tzinfo=UTC)
@@ -121,9 +121,7 @@ def test_a_time_that_the_clocks_leave_out_is_the_moment_at_which_they_change() -
         ("2026-10-24 12:00", "02:30", "2026-10-25 02:30", "2026-10-26 02:30"),
     ],
 )
-def test_the_time_that_was_wanted_stays_also_where_it_is_left_out_the_first_time(
-    now: str, at: str, due: str, next_due: str
-) -> None:
+def test_requested_time_is_kept_if_the_first_one_is_skipped(now: str, at: str, due: str, next_due: str) -> None:
     first = read_at(at, berlin(now), BERLIN)
     for text in ("day", "sunday"):
         every = read_repetition(text, first, BERLIN, at)
@@ -133,7 +131,7 @@ def test_the_time_that_was_wanted_stays_also_where_it_is_left_out_the_first_time
         assert next_time(every, first, first, BERLIN) == berlin(week)
 
 
-def test_a_time_that_comes_twice_is_the_first_of_the_two_and_runs_once() -> None:
+def test_time_repeated_by_daylight_saving_runs_once() -> None:
     every = Repetition(at=time(2, 30))
     fold = next_time(every, berlin("2026-10-24 02:30"), 0.0, BERLIN)
     assert datetime.fromtimestamp(fold, UTC) == datetime(2026, 10, 25, 0, 30, tzinfo=UTC)
@@ -146,7 +144,7 @@ def test_half_an_hour_is_half_an_hour_whatever_the_clocks_do() -> None:
 
 
 @given(every=EVERY_DAY, begin=MOMENTS, zone=ZONES)
-def test_a_daily_task_comes_on_each_of_its_days_once(every: Repetition, begin: float, zone: ZoneInfo) -> None:
+def test_daily_task_comes_once_on_each_day(every: Repetition, begin: float, zone: ZoneInfo) -> None:
     times = [first_time(every, begin, zone)]
     for _ in range(20):
         times.append(next_time(every, times[-1], times[-1], zone))
@@ -178,7 +176,7 @@ def test_a_repetition_can_be_read_again(every: Repetition) -> None:
     assert again.period == pytest.approx(every.period, rel=1e-9)
 
 
-def test_the_zone_is_that_of_tz_or_of_the_machine() -> None:
+def test_local_zone_is_that_of_tz_or_the_machine() -> None:
     assert local_zone({"TZ": ":Europe/Berlin"}) == BERLIN
     assert local_zone({"TZ": "Nowhere/At_all"}) is UTC
     now = datetime(2026, 7, 1, tzinfo=UTC)

@@ -20,9 +20,7 @@ from tests.cases import each
         ({"driver": "Ada"}, MOVING_STATE_INTERVAL),
     ],
 )
-def test_who_watches_is_told_soon_again_while_the_robot_moves_or_somebody_drives(
-    news: dict[str, object], pause: float
-) -> None:
+def test_state_is_sent_sooner_while_the_robot_moves_or_is_driven(news: dict[str, object], pause: float) -> None:
     clock = ManualClock()
     outlet: Any = SimpleNamespace(
         take_changes=lambda more: {**more, **news}, is_watched=True, has_event_listeners=False

@@ -33,7 +33,7 @@ class _Closed(Client):
         self.link.close()
 
 
-def test_only_its_owner_may_use_it_and_it_goes_with_the_run(tmp_path: Path) -> None:
+def test_control_socket_is_private_and_removed_after_the_run(tmp_path: Path) -> None:
     with simulated_run(tmp_path) as process:
         path = sockets.socket_path(str(process.process.pid))
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
@@ -41,7 +41,7 @@ def test_only_its_owner_may_use_it_and_it_goes_with_the_run(tmp_path: Path) -> N
     assert not path.exists()
 
 
-def test_the_socket_of_a_run_that_was_killed_is_taken_away(tmp_path: Path) -> None:
+def test_socket_of_a_killed_run_is_removed(tmp_path: Path) -> None:
     with simulated_run(tmp_path) as process:
         path = sockets.socket_path(str(process.process.pid))
         process.process.kill()
@@ -52,7 +52,7 @@ def test_the_socket_of_a_run_that_was_killed_is_taken_away(tmp_path: Path) -> No
         assert not path.exists()
 
 
-def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: Process) -> None:
+def test_scene_contains_the_current_state_and_matches_the_schema(run: Process) -> None:
     with client_of(run) as client:
         client.send(do="watch")
         scene = client.hear(lambda told: told["say"] == "scene")
@@ -66,7 +66,7 @@ def test_a_scene_tells_all_that_is_so_far_as_the_schema_says(run: Process) -> No
 
 
 @pytest.mark.real_time
-def test_the_base_stops_by_itself_when_its_driver_falls_silent_and_at_once_when_its_connection_ends(
+def test_base_stops_when_its_driver_is_silent_or_disconnects(
     tmp_path: Path,
 ) -> None:
     with run_of(tmp_path) as (process, base):
@@ -81,7 +81,7 @@ def test_the_base_stops_by_itself_when_its_driver_falls_silent_and_at_once_when_
 
 
 @pytest.mark.real_time
-def test_a_stop_latches_the_base_in_mid_drive_until_it_is_released(tmp_path: Path) -> None:
+def test_stop_latches_a_driving_base_until_released(tmp_path: Path) -> None:
     with run_of(tmp_path, DRIVING) as (process, base), client_of(process) as client:
         wait_until(lambda: base.seen().top > 0.15)
         asked = base.seen().heard_at
@@ -103,7 +103,7 @@ def test_a_stop_latches_the_base_in_mid_drive_until_it_is_released(tmp_path: Pat
         wait_until(lambda: base.seen().moving)
 
 
-def test_a_client_that_reads_nothing_costs_the_others_nothing(run: Process) -> None:
+def test_client_that_does_not_read_does_not_delay_others(run: Process) -> None:
     with client_of(run) as slow, client_of(run) as quick:
         slow.send(do="watch", events=True)
         quick.send(do="watch")
@@ -113,7 +113,7 @@ def test_a_client_that_reads_nothing_costs_the_others_nothing(run: Process) -> N
 
 
 @pytest.mark.real_time
-def test_a_paused_run_in_simulated_time_is_driven_by_states_that_come_all_the_same(run: Process) -> None:
+def test_paused_simulated_run_is_driven_and_sends_states(run: Process) -> None:
     with client_of(run) as client:
         client.ask("pause")
         assert client.ask("take", by="Ada")["result"] == {"yours": True}
@@ -128,7 +128,7 @@ def test_a_paused_run_in_simulated_time_is_driven_by_states_that_come_all_the_sa
         assert 0.0 <= state["round_trip"] < 0.5
 
 
-def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: Process) -> None:
+def test_invalid_commands_are_answered_with_an_error_name(run: Process) -> None:
     with client_of(run) as client:
         client.link.connection.sendall(b"nonsense\n")
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "no_json"
@@ -149,7 +149,7 @@ def test_what_is_no_command_is_answered_by_name_and_changes_nothing(run: Process
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "too_large"
 
 
-def test_a_halted_run_says_how_it_ended(tmp_path: Path) -> None:
+def test_halted_run_reports_its_result(tmp_path: Path) -> None:
     with simulated_run(tmp_path) as process, client_of(process) as client:
         client.send(do="watch")
         assert client.ask("halt", by="Ada")["ok"]
@@ -178,9 +178,7 @@ def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: py
         wait_until(lambda: process.process.poll() is not None)
 
 
-def test_a_run_that_still_loads_is_ended_before_it_has_begun(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_loading_run_is_ended_before_its_start(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "slow.py").write_text("import time\ntime.sleep(1000)\n", encoding="utf-8")
     mission = tmp_path / "slow.yaml"
     mission.write_text("mission: slow\ntree:\n  drive: 1 m\n", encoding="utf-8")
@@ -191,13 +189,13 @@ def test_a_run_that_still_loads_is_ended_before_it_has_begun(
     assert process.end() == -15
 
 
-def test_mission_stop_without_a_run_says_so(capsys: pytest.CaptureFixture[str]) -> None:
+def test_mission_stop_without_a_run_reports_none(capsys: pytest.CaptureFixture[str]) -> None:
     assert command(capsys, "stop").out == "no mission is running\n"
     missing = command(capsys, "stop", "greet")
     assert (missing.code, missing.err) == (1, "no run greet: `mission stop --list` lists the runs\n")
 
 
-def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_hung_run_is_stopped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "hang.py").write_text(
         "import time\nfrom behaviours.leaf import Leaf\nfrom py_trees.common import Status\n"
         "class Hang(Leaf):\n    '''Hang.'''\n    tag = 'hang'\n"
@@ -215,9 +213,7 @@ def test_a_run_that_hangs_is_stopped_all_the_same(tmp_path: Path, capsys: pytest
         wait_until(lambda: process.process.poll() is not None, 30.0)
 
 
-def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_run_with_many_open_connections_is_stopped(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with run_of(tmp_path) as (process, base), ExitStack() as ends:
         driver = Client(str(process.process.pid))
         ends.callback(driver.link.close)
@@ -230,7 +226,7 @@ def test_a_run_whose_connections_are_all_taken_is_stopped_all_the_same(
         wait_until(lambda: not base.seen().moving)
 
 
-def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_run_that_accepts_no_connections_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with simulated_run(tmp_path) as process, ExitStack() as ends:
         for _ in range(MAX_CLIENTS):
             client = Client(str(process.process.pid))
@@ -242,7 +238,7 @@ def test_a_run_that_takes_no_more_connections_is_ended(tmp_path: Path, capsys: p
 
 
 @pytest.mark.real_time
-def test_a_run_without_descriptors_lets_nobody_in_and_does_not_spin_until_it_has_some_again(
+def test_run_without_free_descriptors_neither_accepts_nor_spins(
     run: Process,
 ) -> None:
     number = run.process.pid

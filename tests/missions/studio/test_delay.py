@@ -143,11 +143,11 @@ CHANGES: dict[str, tuple[Delay, Delay]] = {
 
 
 @pytest.mark.parametrize("change", list(CHANGES))
-def test_with_a_delay_that_changes_the_base_rests_soon_after_the_press(change: str) -> None:
+def test_base_rests_soon_after_stop_with_a_changing_delay(change: str) -> None:
     assert RemoteDrive(*CHANGES[change]).run() <= MAX_STATE_AGE + BRAKING
 
 
-def test_a_page_that_gets_no_new_states_and_sends_on_drives_no_longer() -> None:
+def test_page_without_new_states_cannot_keep_driving() -> None:
     remote = RemoteDrive(constant(0.01), constant(0.01), paused=(2.0, 3.0))
     remote.run()
     assert max(remote.moved) <= 2.0 + MAX_STATE_AGE + BRAKING  # nor after the pause: the stick was not let go
@@ -164,7 +164,7 @@ def drawn(chance: Random) -> Delay:
     return lambda now: values[sum(now >= jump for jump in jumps)] + chance.uniform(0.0, jitter)
 
 
-def test_whatever_the_delay_the_base_rests_within_half_a_second_and_its_braking(
+def test_base_rests_within_half_a_second_and_braking_for_any_delay(
     record_property: Callable[[str, object], None],
 ) -> None:
     runs = dict[int, float]()
@@ -217,7 +217,7 @@ def drive_on(client: Client, run: str, seconds: float) -> None:
 
 
 @pytest.mark.real_time
-def test_over_a_real_network_the_base_rests_within_half_a_second_and_its_braking(
+def test_base_rests_within_half_a_second_and_braking_over_a_real_network(
     served: Served, tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     rests = dict[str, float]()
@@ -241,7 +241,7 @@ def test_over_a_real_network_the_base_rests_within_half_a_second_and_its_braking
 
 
 @pytest.mark.real_time
-def test_with_2_s_there_and_back_nothing_moves_and_a_stop_is_latched_2_s_later(served: Served, tmp_path: Path) -> None:
+def test_driving_is_refused_with_2_s_round_trip_but_stop_latches(served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, base), lossy(served.port, 0.0, never) as network:
         run = str(process.process.pid)
         with served.client(served.operator, port=network.port) as client:

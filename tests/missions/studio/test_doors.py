@@ -92,7 +92,7 @@ def test_of_one_address_the_oldest_stranger_goes(visit: Callable[..., ClientConn
 
 
 @pytest.mark.usefixtures("enough")
-def test_who_has_signed_in_never_goes_and_does_not_count_for_its_address(
+def test_signed_in_connections_are_never_evicted(
     visit: Callable[..., ClientConnection],
 ) -> None:
     there = ConnectionAcceptor(lambda _: asyncio.Protocol())
@@ -116,7 +116,7 @@ def test_when_all_have_signed_in_one_more_is_refused(visit: Callable[..., Client
 
 
 @pytest.mark.usefixtures("enough")
-def test_the_address_with_most_connections_makes_room_for_others(visit: Callable[..., ClientConnection]) -> None:
+def test_address_with_most_connections_is_evicted_first(visit: Callable[..., ClientConnection]) -> None:
     there = ConnectionAcceptor(lambda _: asyncio.Protocol())
     alone = [visit(f"198.51.100.{number}") for number in range(10)]
     floods = [visit(f"192.0.2.{number % 2}") for number in range(5 * MAX_CONNECTIONS)]
@@ -126,7 +126,7 @@ def test_the_address_with_most_connections_makes_room_for_others(visit: Callable
 
 
 @pytest.mark.usefixtures("enough")
-def test_who_has_a_cookie_goes_after_who_has_none(visit: Callable[..., ClientConnection]) -> None:
+def test_connections_with_a_cookie_are_evicted_last(visit: Callable[..., ClientConnection]) -> None:
     there = ConnectionAcceptor(lambda _: asyncio.Protocol())
     with_cookie = [visit(standing=AuthLevel.VISITOR) for _ in range(20)]
     assert all(there.admit(each) for each in with_cookie)
@@ -141,7 +141,7 @@ def test_who_has_a_cookie_goes_after_who_has_none(visit: Callable[..., ClientCon
 
 
 @pytest.mark.usefixtures("enough")
-def test_who_does_not_sign_in_in_time_is_hung_up_on(visit: Callable[..., ClientConnection]) -> None:
+def test_connection_without_sign_in_times_out(visit: Callable[..., ClientConnection]) -> None:
     there = ConnectionAcceptor(lambda _: asyncio.Protocol(), clock=(clock := ManualClock()))
     made = [visit(standing=standing) for standing in AuthLevel]
     assert all(there.admit(each) for each in made)
@@ -153,7 +153,7 @@ def test_who_does_not_sign_in_in_time_is_hung_up_on(visit: Callable[..., ClientC
 
 
 @each(("limit", "used", "room"), [(1024, 80, 200), (256, 80, 112), (256, 200, 8), (64, 60, 8), (-1, 80, 200)])
-def test_descriptors_are_kept_in_reserve(limit: int, used: int, room: int) -> None:
+def test_file_descriptors_are_reserved(limit: int, used: int, room: int) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(resource, "getrlimit", lambda _: (limit, limit))
         patch.setattr(connections, "_open_descriptors", lambda: used)
@@ -204,7 +204,7 @@ def test_while_many_do_this_pages_come_in_and_stop_works(by_tls: Served, run: Pr
 
 
 @pytest.mark.real_time
-def test_a_handshake_that_does_not_end_is_hung_up_on(by_tls: Served) -> None:
+def test_unfinished_handshake_times_out(by_tls: Served) -> None:
     clock = SystemClock()
     with plain(by_tls) as silent, raw(by_tls, client_hello()) as begun:
         for each in (silent, begun):
@@ -233,7 +233,7 @@ def test_with_few_descriptors_64_are_left_and_a_new_run_is_stopped(by_tls: Serve
 
 
 @pytest.mark.real_time
-def test_who_is_in_stays_in_while_connections_come_and_go(by_tls: Served) -> None:
+def test_signed_in_clients_stay_connected_during_a_connection_flood(by_tls: Served) -> None:
     with ExitStack() as inside:
         clients = [inside.enter_context(by_tls.client(by_tls.viewer)) for _ in range(20)]
         with attack(by_tls, plain, 2 * MANY):
@@ -250,7 +250,7 @@ def test_no_websocket_opens_without_a_token(by_tls: Served, token: str) -> None:
         pass
 
 
-def test_who_shows_nothing_is_answered_once(served: Served) -> None:
+def test_anonymous_request_is_answered_once_and_closed(served: Served) -> None:
     with said(served, request(served, "/") + request(served, f"/?token={served.operator}")) as stranger:
         answer = b""
         while data := stranger.recv(4096):

@@ -79,7 +79,7 @@ def test_a_run_has_a_socket_file_an_abstract_socket_and_notes_in_all_folders(
 
 
 @pytest.mark.parametrize("what", ["sock", "note"])
-def test_what_is_removed_is_made_again(found: Endpoint, what: str) -> None:
+def test_removed_endpoint_file_is_created_again(found: Endpoint, what: str) -> None:
     for place in run_folders():
         (place.folder / f"{run_id()}.{what}").unlink(missing_ok=True)
     found.run_due_checks(CHECK_INTERVAL)
@@ -88,7 +88,7 @@ def test_what_is_removed_is_made_again(found: Endpoint, what: str) -> None:
     assert answers(sockets.socket_path(run_id()), found)
 
 
-def test_a_folder_that_has_gone_is_made_again_or_another_one_is_used(found: Endpoint) -> None:
+def test_removed_folder_is_created_again_or_replaced(found: Endpoint) -> None:
     first, second = run_folders()[:2]
     shutil.rmtree(first.folder)
     found.run_due_checks(CHECK_INTERVAL)
@@ -104,7 +104,7 @@ def test_a_folder_that_has_gone_is_made_again_or_another_one_is_used(found: Endp
     first.folder.unlink()
 
 
-def test_a_socket_in_the_place_of_its_own_is_replaced(found: Endpoint) -> None:
+def test_foreign_socket_at_the_endpoint_path_is_replaced(found: Endpoint) -> None:
     path = sockets.socket_path(run_id())
     path.unlink()
     with socket.socket(socket.AF_UNIX) as thief:
@@ -115,7 +115,7 @@ def test_a_socket_in_the_place_of_its_own_is_replaced(found: Endpoint) -> None:
         assert answers(path, found)
 
 
-def test_a_listener_that_was_closed_is_replaced(found: Endpoint) -> None:
+def test_closed_listener_is_replaced(found: Endpoint) -> None:
     for listener in found.listeners:
         listener.shutdown(socket.SHUT_RDWR)
     found.run_due_checks(CHECK_INTERVAL)
@@ -124,9 +124,7 @@ def test_a_listener_that_was_closed_is_replaced(found: Endpoint) -> None:
 
 
 @pytest.mark.parametrize("number", [errno.EMFILE, errno.ENFILE, errno.EAGAIN])
-def test_a_run_that_cannot_look_keeps_what_it_has(
-    found: Endpoint, number: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_check_keeps_the_listeners(found: Endpoint, number: int, monkeypatch: pytest.MonkeyPatch) -> None:
     before = found.listeners
 
     def refuse(*_: object) -> socket.socket:
@@ -140,7 +138,7 @@ def test_a_run_that_cannot_look_keeps_what_it_has(
     assert answers(sockets.socket_path(run_id()), found)
 
 
-def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_reported_until_space_is_free(found: Endpoint, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object, **__: object) -> int:
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -158,7 +156,7 @@ def test_a_full_disk_leaves_a_trouble_and_room_takes_it_away(found: Endpoint, mo
     assert found.trouble == ""
 
 
-def test_the_selector_waits_for_the_sockets_that_there_are_now(found: Endpoint) -> None:
+def test_selector_watches_the_current_listeners(found: Endpoint) -> None:
     sockets.socket_path(run_id()).unlink()
     found.run_due_checks(CHECK_INTERVAL)
     registered = {key.fileobj for key in found._selector.get_map().values() if key.data is LISTENER_KEY}

@@ -36,7 +36,7 @@ tree:
 
 
 @pytest.mark.real_time
-def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Browser, tmp_path: Path) -> None:
+def test_person_is_added_with_the_camera_of_a_run(browser: Browser, tmp_path: Path) -> None:
     mission = tmp_path / "facing.yaml"
     mission.write_text(FACING, encoding="utf-8")
     process = Process("run", str(mission), "--simulate", "wire", "--world", "living_room")
@@ -58,7 +58,7 @@ def test_somebody_is_known_once_the_camera_of_a_run_has_seen_them(browser: Brows
 
 
 @pytest.mark.real_time
-def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
+def test_person_is_added_with_the_camera_of_the_browser(tmp_path: Path) -> None:
     film = tmp_path / "face.mjpeg"
     camera = Renderer(
         SimulatedWorld(people=(Person("p", "anna", x=0.7),)), PinholeLens(640, 480, radians(60)), noise=2.0
@@ -85,7 +85,7 @@ def test_somebody_is_known_by_the_camera_of_the_browser(tmp_path: Path) -> None:
     assert "jpeg" not in log
 
 
-def test_pictures_that_are_none_are_refused(tmp_path: Path) -> None:
+def test_person_needs_valid_pictures(tmp_path: Path) -> None:
     studio = Studio(AuditLog(tmp_path / "log"), RunLauncher(record=False), cast("Any", None), StudioAccess())
 
     class Somebody:

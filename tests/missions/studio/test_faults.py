@@ -33,7 +33,7 @@ def faults_of(runner: Runner) -> LiveFaults:
     return LiveFaults(runner, lambda function: function())
 
 
-def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
+def test_injected_fault_lasts_for_its_duration(tmp_path: Path) -> None:
     told: list[Event] = []
     runner = runner_of(tmp_path, told)
     faults = faults_of(runner)
@@ -54,7 +54,7 @@ def test_a_part_is_gone_for_as_long_as_was_said(tmp_path: Path) -> None:
         ("arm turned elbw to 3 deg", "bad_field", "no joint 'elbw'; did you mean 'elbow'?"),
     ],
 )
-def test_what_cannot_be_had_is_said_by_name(tmp_path: Path, words: str, error: str, message: str) -> None:
+def test_impossible_fault_is_refused_by_error_name(tmp_path: Path, words: str, error: str, message: str) -> None:
     with pytest.raises(BadMessage) as caught:
         faults_of(runner_of(tmp_path, [])).inject(words)
     assert caught.value.error == error
@@ -114,7 +114,7 @@ def test_a_fault_is_chosen_on_the_page_and_happens(browser: Browser, served: Ser
         process.end(signal.SIGTERM)
 
 
-def test_the_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_fault_command_reaches_a_run_of_another_terminal(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, events = tmp_path / "says.yaml", tmp_path / "events.jsonl"
     path.write_text(SAYS.replace("4 s", "1000 s"), encoding="utf-8")
     process = Process("run", str(path), "--simulate", "fast", "--speed", "1", "--events", str(events))

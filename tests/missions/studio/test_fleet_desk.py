@@ -38,7 +38,7 @@ def test_a_studio_joins_no_fleet_unasked() -> None:
     assert "fleet: home" in refused.value.hint
 
 
-def test_a_file_that_is_wrong_is_told() -> None:
+def test_invalid_fleet_file_is_reported() -> None:
     config_folder().mkdir(parents=True, exist_ok=True)
     (config_folder() / "fleet.yaml").write_text("listen: ['tcp/0.0.0.0:7450']\n", encoding="utf-8")
     with pytest.raises(BadMessage, match="open to the network"):
@@ -66,7 +66,7 @@ def test_robots_are_listed_stopped_and_released(tmp_path: Path) -> None:
             desk.close()
 
 
-def test_a_stop_does_not_wait_for_who_looks(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stop_does_not_wait_for_discovery(monkeypatch: pytest.MonkeyPatch) -> None:
     looks, met, in_time = Event(), Event(), list[bool]()
 
     class Slow:
@@ -117,7 +117,7 @@ class Hurried:
         return {}, [f"{self.name} for {by}"]
 
 
-def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_is_closed(
+def test_fleet_stop_does_not_wait_for_an_opening_session(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     opens, may_open, made = Event(), Event(), list[Hurried]()
@@ -146,7 +146,7 @@ def test_who_stops_a_fleet_waits_for_nobody_who_opens_a_session_and_one_of_both_
     assert made[1].left
 
 
-def test_a_session_that_was_opened_while_the_studio_ended_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_session_opened_while_the_studio_ends_is_closed(monkeypatch: pytest.MonkeyPatch) -> None:
     desk, made = FleetConnection(), list[Hurried]()
 
     def opening(_: FleetKeys) -> Hurried:

@@ -74,7 +74,7 @@ def test_a_failed_stop_of_a_new_run_is_tried_again(
     assert tries == ["1 fleet: Ada"] * 3
 
 
-def test_a_stop_that_breaks_off_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_stop_is_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
     robot, tries = LocalRobot(), list[str]()
 
     def break_off(*_: object, **__: object) -> Mapping[object, tuple[bool, str]]:
@@ -98,7 +98,7 @@ def test_a_stop_that_breaks_off_is_tried_again(monkeypatch: pytest.MonkeyPatch) 
     assert tries == ["1"]
 
 
-def test_a_search_that_fails_is_told_once_and_not_taken_for_no_run(
+def test_failed_search_is_logged_once_and_counts_as_a_run(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     robot = LocalRobot()
@@ -113,7 +113,7 @@ def test_a_search_that_fails_is_told_once_and_not_taken_for_no_run(
     assert robot.read_telemetry().runs is False
 
 
-def test_a_run_that_is_not_reached_is_a_run_and_what_a_killed_one_left_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_run_counts_and_a_killed_one_does_not(monkeypatch: pytest.MonkeyPatch) -> None:
     robot, living = LocalRobot(), run()
     assert living.abstract_name is not None
     killed = replace(

@@ -63,7 +63,7 @@ def test_all_routes_are_known_here() -> None:
 
 
 @each("path", ROUTES.values())
-def test_no_route_is_open_to_who_shows_no_token_or_a_wrong_one(served: Served, path: str) -> None:
+def test_every_route_refuses_a_missing_or_wrong_token(served: Served, path: str) -> None:
     assert served.get(path)[0] == 401
     assert served.get(path, Cookie=f"missiontree_{served.port}=wrong")[0] == 401
     assert served.get(path, Authorization="Basic b3A6b3A=")[0] == 401
@@ -71,7 +71,7 @@ def test_no_route_is_open_to_who_shows_no_token_or_a_wrong_one(served: Served, p
 
 
 @each("path", ROUTES.values())
-def test_no_route_is_open_by_another_name_or_from_another_page(served: Served, path: str) -> None:
+def test_every_route_refuses_another_host_or_origin(served: Served, path: str) -> None:
     cookie = served.cookie(served.operator)
     for host in ("evil.example", f"evil.example:{served.port}", "127.0.0.1.evil.example", f"a@{served.host}", ""):
         assert served.get(path, Host=host, Cookie=cookie)[0] in (400, 403), host
@@ -92,7 +92,7 @@ def test_nothing_but_get_is_answered(served: Served) -> None:
         assert b"405" in connection.recv(4096).partition(b"\r\n")[0]
 
 
-def test_a_link_becomes_a_cookie_that_no_page_reads_and_no_other_site_sends(served: Served) -> None:
+def test_access_link_becomes_a_protected_cookie(served: Served) -> None:
     status, headers, _ = served.get(f"/?token={served.operator}&a=1")
     assert status == 303
     assert re.fullmatch(r"/\?a=1&proof=[0-9a-f]{64}", headers["location"])
@@ -102,7 +102,7 @@ def test_a_link_becomes_a_cookie_that_no_page_reads_and_no_other_site_sends(serv
     assert served.get(f"//evil.example/?token={served.operator}")[1]["location"].startswith("/evil.example/?proof=")
 
 
-def test_every_answer_says_what_a_page_may_do(served: Served) -> None:
+def test_every_response_has_security_headers(served: Served) -> None:
     for path in ROUTES.values():
         headers = served.get(path)[1]
         assert "frame-ancestors 'none'" in headers["content-security-policy"]
@@ -111,7 +111,7 @@ def test_every_answer_says_what_a_page_may_do(served: Served) -> None:
         assert "access-control-allow-origin" not in headers
 
 
-def test_a_websocket_opens_with_a_cookie_and_its_own_page_alone(served: Served) -> None:
+def test_websocket_requires_a_cookie_and_the_own_origin(served: Served) -> None:
     cookie, address = served.page_socket(served.viewer)
     own = f"http://{served.host}"
     tries: list[tuple[dict[str, str], str | None]] = [
@@ -179,7 +179,7 @@ def test_before_hello_no_command_is_done(served: Served) -> None:
                     client.socket.recv(timeout=PATIENCE)
 
 
-def test_an_old_page_is_asked_to_reload(served: Served) -> None:
+def test_old_page_must_reload(served: Served) -> None:
     with served.client(served.operator, hello=False) as client:
         client.send(do="hello", version="0123456789abcdef")
         assert client.hear(bool)["error"] == "old_page"
@@ -208,7 +208,7 @@ def test_an_old_page_is_asked_to_reload(served: Served) -> None:
         (b'{"do": "fly", "id": 70, "x": "\xff"}', "unknown_command", 70),
     ],
 )
-def test_what_is_no_command_is_answered_by_name_and_id(
+def test_invalid_command_is_answered_with_error_name_and_id(
     served: Served, message: str | bytes, error: str, number: int | None
 ) -> None:
     with served.client(served.operator) as client:
@@ -227,7 +227,7 @@ def test_what_is_no_command_is_answered_by_name_and_id(
         ('{"id": 70', "no_json"),
     ],
 )
-def test_a_first_message_that_is_no_hello_is_answered_with_its_id(served: Served, message: str, error: str) -> None:
+def test_first_message_other_than_hello_is_answered_with_its_id(served: Served, message: str, error: str) -> None:
     with served.client(served.operator, hello=False) as client:
         client.socket.send(message)
         answer = client.hear(lambda told: told["say"] == "answer")
@@ -235,7 +235,7 @@ def test_a_first_message_that_is_no_hello_is_answered_with_its_id(served: Served
 
 
 @pytest.mark.real_time
-def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> None:
+def test_size_and_rate_of_messages_are_limited(served: Served) -> None:
     with served.client(served.operator) as client, served.client(served.viewer) as other:
         client.socket.send("x" * (MAX_COMMAND_BYTES + 1))
         assert client.hear(lambda told: told["say"] == "answer")["error"] == "too_large"
@@ -250,9 +250,7 @@ def test_messages_that_are_too_large_or_too_many_are_bounded(served: Served) -> 
 
 
 @pytest.mark.real_time
-def test_floods_leave_room_for_who_is_in_take_no_memory_and_do_not_disturb_a_run(
-    served: Served, tmp_path: Path
-) -> None:
+def test_connection_floods_leave_room_and_do_not_disturb_a_run(served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path, DRIVING) as (run, base), served.client(served.viewer) as client:
         wait_until(lambda: base.seen().top > 0.1)
         memory, idle = _kilobytes(served), []
@@ -309,7 +307,7 @@ def test_a_second_request_has_no_longer_than_the_first(served: Served) -> None:
 
 
 @pytest.mark.real_time
-def test_a_cookie_of_backslashes_takes_no_time_from_the_others(served: Served) -> None:
+def test_malicious_cookie_is_parsed_quickly(served: Served) -> None:
     clock = SystemClock()
     cookie = served.cookie(served.viewer)
     for _ in range(10):  # each took 3.5 s
@@ -317,7 +315,7 @@ def test_a_cookie_of_backslashes_takes_no_time_from_the_others(served: Served) -
     assert clock.now() < 15.0
 
 
-def test_the_token_that_a_browser_is_started_with_lets_in_once() -> None:
+def test_once_token_works_once() -> None:
     access = StudioAccess()
     token = access.make_once_token()
     assert token not in (access.operator, access.viewer)
@@ -325,7 +323,7 @@ def test_the_token_that_a_browser_is_started_with_lets_in_once() -> None:
     assert access.by_token(access.operator, "1.2.3.4") == "operator"
 
 
-def test_a_name_that_no_file_can_have_is_not_there(served: Served) -> None:
+def test_overlong_file_name_is_not_found(served: Served) -> None:
     assert served.get(f"/{'a' * 4000}.js", Cookie=served.cookie(served.viewer))[0] == 404
 
 
@@ -347,7 +345,7 @@ def _ended(connection: socket.socket) -> bool:
     return True
 
 
-def test_behind_a_proxy_that_speaks_tls_it_goes_by_the_name_that_it_was_given(certificate: tuple[Path, Path]) -> None:
+def test_studio_behind_a_tls_proxy_accepts_its_configured_name(certificate: tuple[Path, Path]) -> None:
     trusting, speaks = (
         ssl.create_default_context(cafile=certificate[0]),
         ssl.create_default_context(Purpose.CLIENT_AUTH),
@@ -391,7 +389,7 @@ def test_behind_a_proxy_that_speaks_tls_it_goes_by_the_name_that_it_was_given(ce
             assert client.ask("mission", name="greet")["result"]["drawing"]
 
 
-def test_no_header_of_a_proxy_lets_anybody_in(served: Served) -> None:
+def test_forged_proxy_headers_grant_no_access(served: Served) -> None:
     forged = {"X-Forwarded-For": "127.0.0.1", "X-Forwarded-Host": served.host, "Forwarded": "for=127.0.0.1"}
     assert served.get("/", **forged)[0] == 401
     assert served.get("/", Host="other.example", **{"X-Forwarded-Host": served.host})[0] == 403
@@ -399,7 +397,7 @@ def test_no_header_of_a_proxy_lets_anybody_in(served: Served) -> None:
 
 # The TLS client drops its socket once it has said that it is closed, and Python calls that unclosed.
 @pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
-def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(certificate: tuple[Path, Path]) -> None:
+def test_studio_with_certificate_uses_tls_and_a_secure_cookie(certificate: tuple[Path, Path]) -> None:
     with studio("--certificate", str(certificate[0]), "--key", str(certificate[1])) as served:
         assert "https://" in served.process.lines[0]
         trusting = ssl.create_default_context(cafile=certificate[0])
@@ -415,7 +413,7 @@ def test_with_a_certificate_it_speaks_tls_and_its_cookie_stays_on_it(certificate
             assert json.loads(client.recv(timeout=PATIENCE))["say"] == "welcome"
 
 
-def test_what_cannot_be_served_is_said_in_words(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_studio_that_cannot_listen_gives_the_reason(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     with closing(socket.create_server(("127.0.0.1", 0))) as taken:
         port = taken.getsockname()[1]
         refused = command(capsys, "studio", "--port", str(port))
@@ -430,7 +428,7 @@ def test_what_cannot_be_served_is_said_in_words(capsys: pytest.CaptureFixture[st
     assert "--key needs --certificate" in command(capsys, "studio", "--key", str(wrong)).err
 
 
-def test_tokens_are_kept_where_the_user_wishes_that(tmp_path: Path) -> None:
+def test_tokens_are_stored_privately_and_replaced_if_exposed(tmp_path: Path) -> None:
     path = tmp_path / "studio.tokens"
     tokens = load_tokens(path)
     assert load_tokens(path) == tokens

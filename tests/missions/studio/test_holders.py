@@ -77,7 +77,7 @@ def moving(folder: Path, part: str, text: str, *words: str) -> Iterator[tuple[Pr
 
 
 @pytest.mark.real_time
-def test_mission_stop_ends_a_command_that_turns_the_head(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mission_stop_ends_a_head_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with moving(tmp_path, "head", HEAD, "head", "look", "--pan", "80") as (process, limbs):
         since = limbs.seen().now
         stopped = command(capsys, "stop")
@@ -89,7 +89,7 @@ def test_mission_stop_ends_a_command_that_turns_the_head(tmp_path: Path, capsys:
 
 
 @pytest.mark.real_time
-def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_mission_stop_latches_an_arm_movement_until_its_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with moving(tmp_path, "arm", ARM, "servo", "move", "shoulder", "90 deg") as (process, limbs):
         since = limbs.seen().now
         stopped = command(capsys, "stop", "move_joints")
@@ -101,7 +101,7 @@ def test_a_movement_of_the_arm_is_latched_until_it_is_ended(tmp_path: Path, caps
         assert process.process.wait(20.0) == 130
 
 
-def test_a_run_that_hangs_is_known_by_its_name_and_told_with_what_to_type(
+def test_hung_run_is_listed_by_name_with_a_hint(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(command_broadcast, "RUN_END_TIMEOUT", 0.05)
@@ -143,7 +143,7 @@ def deaf(heeds: str = "SIG_IGN") -> Iterator[int]:
             process.kill()
 
 
-def test_a_command_that_does_not_end_is_told_with_what_to_type(
+def test_unresponsive_command_is_reported_with_a_hint(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(notes, "END_TIMEOUT", 0.05)
@@ -154,7 +154,7 @@ def test_a_command_that_does_not_end_is_told_with_what_to_type(
         assert f"kill -9 {number}" in told.out
 
 
-def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_page_stop_ends_commands_once_for_all_requests(monkeypatch: pytest.MonkeyPatch) -> None:
     begun: list[str] = []
     end = notes.RobotHolder.end
 
@@ -177,7 +177,7 @@ def test_the_stop_of_a_page_ends_commands_too_once_for_all_who_ask(monkeypatch: 
         assert all("perhaps not stopped" in str(each[str(number)]) for each in asyncio.run(stops()))
 
 
-def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
+def test_note_of_a_killed_command_is_ignored_and_removed() -> None:
     # Processes of other tests may be ending just now, and have notes in this folder, too.
     with deaf() as number:
         pass
@@ -188,7 +188,7 @@ def test_what_a_killed_command_has_left_is_taken_for_nobody() -> None:
     assert (killed.exists(), mine.exists()) == (False, False)
 
 
-def test_a_command_that_no_stop_reaches_moves_a_robot_only_where_the_user_allows_it(
+def test_command_without_reachable_stop_needs_permission(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nowhere(tmp_path, monkeypatch)
@@ -222,7 +222,7 @@ def refuse(name: AbstractName) -> socket.socket:  # noqa: ARG001 - as the functi
     raise OSError(errno.EPERM, "a system that has no abstract sockets")
 
 
-def test_a_command_without_any_folder_is_ended_by_its_abstract_socket(
+def test_command_without_a_folder_is_ended_by_its_abstract_socket(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nowhere(tmp_path, monkeypatch)
@@ -231,7 +231,7 @@ def test_a_command_without_any_folder_is_ended_by_its_abstract_socket(
     assert (stopped.code, stopped.out) == (0, f"{number}: a command: ended, with its actuators at rest\n")
 
 
-def test_who_stops_all_others_does_not_end_itself() -> None:
+def test_stop_of_all_does_not_end_its_own_process() -> None:
     with holders.announce_command("teleop", "turtlebot2"):
         assert [(each.run, is_own_process(each)) for each in found_of(os.getpid())] == [(str(os.getpid()), True)]
         assert send_to_all([{"do": "stop"}], "a test") == {}

@@ -28,7 +28,7 @@ def ended(client: Client, run: str) -> str:
     return str(told.get("message") or client.hear(lambda each: each["say"] == "over")["reason"])
 
 
-def test_a_run_is_recorded_and_where_it_cannot_be_it_goes_on_and_says_so(served: Served) -> None:
+def test_run_is_recorded_or_continues_with_a_warning(served: Served) -> None:
     with served.client(served.operator) as client:
 
         def said_at_its_start() -> str:
@@ -53,7 +53,7 @@ def test_a_run_is_recorded_and_where_it_cannot_be_it_goes_on_and_says_so(served:
         assert said_at_its_start() == f"mission: not recorded: {records_folder()}: File exists"
 
 
-def test_a_robot_that_another_run_has_is_said_to_be_in_use_and_by_whom(served: Served, tmp_path: Path) -> None:
+def test_robot_in_use_is_reported_with_the_other_process(served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path) as (first, base), served.client(served.operator) as client:
         port = f"port: {base.port}"
         (tmp_path / "mine.yaml").write_text(f"robot: mine\nbase:\n  driver: kobuki\n  {port}\n", encoding="utf-8")

@@ -66,7 +66,7 @@ def test_own_robots_and_worlds_of_the_users_folders_are_offered(here: Path) -> N
 
 
 @pytest.mark.usefixtures("here")
-def test_an_own_file_with_the_name_of_a_shipped_one_goes_by_its_path() -> None:
+def test_own_file_with_a_shipped_name_is_listed_by_its_path() -> None:
     path = write(config_folder() / "missions" / "greet.yaml", SAYS.format("my_greet"))
     found = entries()
     assert found[str(path)]["title"] == "my_greet"
@@ -75,7 +75,7 @@ def test_an_own_file_with_the_name_of_a_shipped_one_goes_by_its_path() -> None:
 
 
 @each("change", ["added", "changed", "removed", "leaves beside it", "a part in a folder", "the check-up"])
-def test_a_change_of_a_file_gives_another_edition(here: Path, change: str) -> None:
+def test_changed_file_changes_the_library_edition(here: Path, change: str) -> None:
     one = write(here / "one.yaml", SAYS.format("one"))
     leaves = write(here / "behaviours" / "mine.py", "")
     part = write(here / "parts" / "part.yaml", SAYS.format("part"))
@@ -98,7 +98,7 @@ def test_a_change_of_a_file_gives_another_edition(here: Path, change: str) -> No
     assert edition() != before
 
 
-def test_a_mission_is_checked_again_when_the_one_in_it_changes(here: Path) -> None:
+def test_mission_is_checked_again_when_its_submission_changes(here: Path) -> None:
     write(here / "whole.yaml", "mission: whole\ntree:\n  mission: part.yaml\n")
     part = write(here / "part.yaml", SAYS.format("part"))
     assert "trouble" not in entries()["whole.yaml"]
@@ -106,7 +106,7 @@ def test_a_mission_is_checked_again_when_the_one_in_it_changes(here: Path) -> No
     assert "sya" in str(entries()["whole.yaml"]["trouble"])
 
 
-def test_defaults_with_errors_and_a_folder_that_is_gone_hide_no_shipped_mission(here: Path) -> None:
+def test_broken_defaults_and_missing_folder_hide_no_shipped_mission(here: Path) -> None:
     write(config_folder() / "defaults.yaml", "robt: x\n")
     assert "robt" in str(library.answer_library(LibraryQuery())["trouble"])
     assert "greet" in entries()
@@ -125,7 +125,7 @@ def test_no_name_leads_elsewhere(here: Path) -> None:
 # --- files of which each may fail alone -------------------------------------------------------------------------------
 
 
-def test_a_file_that_takes_too_long_is_named_and_hides_no_other(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_file_is_reported_and_hides_no_other(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("first", "slow", "third"):
         write(here / f"{name}.yaml", SAYS.format(name))
     monkeypatch.setattr(library, "FILE_TIMEOUT", 0.2)
@@ -147,7 +147,7 @@ def test_a_file_that_takes_too_long_is_named_and_hides_no_other(here: Path, monk
     assert loaded.count("slow.yaml") == 1  # until a file changes
 
 
-def test_a_shipped_mission_that_took_too_long_is_read_again(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shipped_mission_that_timed_out_is_read_again(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write(here / "own.yaml", SAYS.format("own"))
     monkeypatch.setattr(library, "_entries", {})
 
@@ -164,7 +164,7 @@ def test_a_shipped_mission_that_took_too_long_is_read_again(here: Path, monkeypa
     assert "trouble" not in entries()["greet"]
 
 
-def test_a_list_that_takes_too_long_goes_on_where_it_was_left(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_list_that_timed_out_continues_later(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("first", "third"):
         write(here / f"{name}.yaml", SAYS.format(name))
     with monkeypatch.context() as patch:
@@ -179,7 +179,9 @@ def test_a_list_that_takes_too_long_goes_on_where_it_was_left(here: Path, monkey
 
 
 @pytest.mark.parametrize("error", [RecursionError("deep"), MemoryError(), OSError(5, "no disk"), ValueError("odd")])
-def test_any_error_of_one_file_is_its_own(here: Path, error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_error_of_one_file_does_not_affect_others(
+    here: Path, error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
     write(here / "odd.yaml", SAYS.format("odd"))
 
     def odd(name: str) -> object:
@@ -194,7 +196,7 @@ def test_any_error_of_one_file_is_its_own(here: Path, error: Exception, monkeypa
 
 
 @pytest.mark.parametrize("kind", ["fifo", "socket", "folder", "dangling", "loop", "device", "huge", "binary"])
-def test_what_is_no_file_of_ours_hides_no_mission(here: Path, kind: str) -> None:
+def test_odd_file_hides_no_mission(here: Path, kind: str) -> None:
     path = here / "odd.yaml"
     match kind:
         case "fifo":

@@ -62,7 +62,7 @@ def driver(served: Served, proxy: Proxy) -> Iterator[Client]:
         yield client
 
 
-def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
+def test_base_rests_when_access_links_are_renewed(tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, base), studio() as served, ExitStack() as clients:
         other, client = (clients.enter_context(served.client(served.operator)) for _ in range(2))
         run = str(process.process.pid)
@@ -79,7 +79,7 @@ def test_the_base_rests_when_the_links_are_made_anew(tmp_path: Path) -> None:
         assert seconds_to_rest(base, since) < REST
 
 
-def test_the_base_rests_when_nothing_of_its_driver_comes_through(served: Served, tmp_path: Path) -> None:
+def test_base_rests_when_the_drivers_connection_stalls(served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, base):
         for way in ("a proxy that stalls", "a half-open socket"):
             with closing(Proxy(served.port)) as proxy, driver(served, proxy) as client:

@@ -60,7 +60,7 @@ def piece_of(name: str, start: float = -1e9) -> dict[str, Any]:
     return record_queries.answer_record(Asked(name=name, start=start))
 
 
-def test_a_name_that_is_no_text_is_listed_with_what_to_do(folder: Path) -> None:
+def test_record_name_with_invalid_bytes_is_listed_with_a_hint(folder: Path) -> None:
     write(folder / os.fsdecode(b"\xff<b>.mcap"), [])
     listed = json.dumps(record_queries.answer_records(RecordsQuery())["records"], ensure_ascii=False)
     assert '"name": "\ufffd<b>.mcap"' in listed
@@ -87,7 +87,7 @@ def read(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, int]]:
     return found
 
 
-def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_however_long_it_is(
+def test_first_view_of_a_record_reads_few_chunks(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(record_queries, "PIECE_TIME_BUDGET", 0.0)
@@ -101,7 +101,7 @@ def test_before_the_first_view_of_a_record_its_index_and_a_few_chunks_are_read_h
     assert counts[1] <= counts[0]
 
 
-def test_pieces_tell_together_what_a_record_tells(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_pieces_add_up_to_the_whole(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     long(folder / "long.mcap", 31)
     monkeypatch.setattr(record_queries, "PIECE_TIME_BUDGET", inf)
     whole = piece_of("long.mcap")
@@ -123,7 +123,7 @@ def test_pieces_tell_together_what_a_record_tells(folder: Path, monkeypatch: pyt
     assert [10.2, "running", "of 10"] not in lane  # it had failed before
 
 
-def test_a_moment_is_read_from_what_was_just_before_it(
+def test_moment_reads_only_the_preceding_part_of_the_record(
     folder: Path, read: list[tuple[int, int]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = long(folder / "long.mcap", 400)
@@ -134,7 +134,7 @@ def test_a_moment_is_read_from_what_was_just_before_it(
     assert sum(size for _, size in read) < path.stat().st_size / 2  # the index too: of so short chunks it is long
 
 
-def test_a_moment_tells_of_parts_joints_and_the_range_finder(folder: Path) -> None:
+def test_moment_includes_parts_joints_and_range_scan(folder: Path) -> None:
     scan = RangeScan(np.array([1.0, math.nan, 2.0, 3.0], np.float32), 0.0, math.pi / 2, 2.0, 1, 0.1, 9.0)
     joint = JointState(0.5, 0.0, None, -0.25, 12.0, 40.0, moving=False, torque=True)
     answers: list[Answer] = [

@@ -6,7 +6,7 @@ from itertools import count
 from tests.missions.studio.lossy import SEGMENT, Lossy
 
 
-def test_what_waits_behind_a_lost_segment_comes_in_the_order_in_which_it_was_sent() -> None:
+def test_data_behind_a_lost_segment_arrives_in_order() -> None:
     sent = b"".join(bytes([number]) * SEGMENT for number in range(60))
     segments = count()
 

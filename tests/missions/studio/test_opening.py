@@ -83,7 +83,7 @@ def test_the_file_goes_with_the_studio(started: list[str]) -> None:
     assert files() == []
 
 
-def test_a_file_of_a_studio_that_was_killed_is_removed_by_the_next(started: list[str]) -> None:
+def test_page_file_of_a_killed_studio_is_removed_by_the_next(started: list[str]) -> None:
     folder = runtime_folder() / FOLDER
     folder.mkdir(parents=True)
     for name in (f"{GONE}.html", f"{os.getppid()}.html", "mine.html"):
@@ -94,7 +94,7 @@ def test_a_file_of_a_studio_that_was_killed_is_removed_by_the_next(started: list
         assert {each.name for each in files()} == {f"{os.getppid()}.html", f"{os.getpid()}.html", "mine.html"}
 
 
-def test_a_browser_that_does_not_come_is_explained(monkeypatch: pytest.MonkeyPatch, started: list[str]) -> None:
+def test_browser_that_does_not_open_the_page_is_explained(monkeypatch: pytest.MonkeyPatch, started: list[str]) -> None:
     monkeypatch.setattr(opening, "HINT_DELAY", 0.0)
     told: list[str] = []
     with page_opener(StudioAccess(), link_of, told.append) as opener:
@@ -105,7 +105,7 @@ def test_a_browser_that_does_not_come_is_explained(monkeypatch: pytest.MonkeyPat
     assert len(started) == 1
 
 
-def test_after_its_time_the_file_is_removed(monkeypatch: pytest.MonkeyPatch, started: list[str]) -> None:
+def test_page_file_is_removed_when_its_token_expires(monkeypatch: pytest.MonkeyPatch, started: list[str]) -> None:
     monkeypatch.setattr(opening, "ONCE_TOKEN_LIFETIME", 0.0)
     with page_opener(StudioAccess(), link_of, print) as opener:
         opener.open()
@@ -113,7 +113,7 @@ def test_after_its_time_the_file_is_removed(monkeypatch: pytest.MonkeyPatch, sta
 
 
 @pytest.mark.parametrize("error", [None, webbrowser.Error("no"), FileNotFoundError(2, "no")])
-def test_without_a_browser_the_user_is_told(monkeypatch: pytest.MonkeyPatch, error: Exception | None) -> None:
+def test_missing_browser_is_reported(monkeypatch: pytest.MonkeyPatch, error: Exception | None) -> None:
     told: list[str] = []
 
     def start(_: str) -> bool:
@@ -128,7 +128,7 @@ def test_without_a_browser_the_user_is_told(monkeypatch: pytest.MonkeyPatch, err
     assert "no browser found" in told[0]
 
 
-def test_a_browser_that_is_waited_for_holds_up_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_browser_start_does_not_block(monkeypatch: pytest.MonkeyPatch) -> None:
     ended, begun = Event(), Event()
 
     def start(_: str) -> bool:
@@ -162,7 +162,7 @@ def test_without_a_private_folder_no_browser_is_started(
     assert started == []
 
 
-def test_a_link_put_there_before_is_not_followed(tmp_path: Path, started: list[str]) -> None:
+def test_existing_link_at_the_page_file_is_not_followed(tmp_path: Path, started: list[str]) -> None:
     folder, target = runtime_folder() / FOLDER, tmp_path / "target"
     folder.mkdir(parents=True)
     target.write_text("mine", encoding="utf-8")
@@ -173,7 +173,7 @@ def test_a_link_put_there_before_is_not_followed(tmp_path: Path, started: list[s
     assert target.read_text(encoding="utf-8") == "mine"
 
 
-def test_what_is_in_the_link_is_only_text(started: list[str]) -> None:
+def test_access_link_is_escaped_in_the_page_file(started: list[str]) -> None:
     with page_opener(StudioAccess(), lambda token: f'http://a"><script>/?token={token}', print) as opener:
         opener.open()
         wait_until(lambda: started)

@@ -30,9 +30,7 @@ def holds_still(page: Page, base: LoneBase, seconds: float) -> bool:
     return base.seen().top == 0.0
 
 
-def test_the_page_says_why_driving_is_refused_and_drives_again_once_the_link_is_quick(
-    browser: Browser, served: Served, tmp_path: Path
-) -> None:
+def test_page_shows_why_driving_is_refused_and_recovers(browser: Browser, served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path) as (_, base), lossy(served.port, 0.0, never) as network:
         through = SimpleNamespace(host=f"127.0.0.1:{network.port}", operator=served.operator)
         page = Page(browser, cast("Served", through), view="#drive")
@@ -52,7 +50,7 @@ def test_the_page_says_why_driving_is_refused_and_drives_again_once_the_link_is_
             wait_until(moving(base))
 
 
-def test_a_page_that_gets_no_states_any_more_says_so_and_drives_no_longer(
+def test_page_without_new_states_shows_the_reason_and_stops_driving(
     browser: Browser, served: Served, tmp_path: Path
 ) -> None:
     with run_of(tmp_path) as (_, base), lossy(served.port, 0.0, never) as network:

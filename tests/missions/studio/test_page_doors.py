@@ -75,7 +75,7 @@ def signed_in(tab: Tab) -> bool:
     return "operator" in told(tab)
 
 
-def test_the_page_keeps_its_proof_and_shows_it_to_nobody(browser: Browser, served: Served) -> None:
+def test_page_stores_but_does_not_show_its_proof(browser: Browser, served: Served) -> None:
     tab = (page := Page(browser, served, view="#records")).tab
     assert tab.evaluate("location.href") == f"http://{served.host}/#records"
     assert len(tab.evaluate("localStorage.getItem('proof')")) == 64
@@ -88,7 +88,7 @@ def test_the_page_keeps_its_proof_and_shows_it_to_nobody(browser: Browser, serve
     assert "proof" not in page.tab.text()
 
 
-def test_without_its_proof_the_page_says_what_to_open(browser: Browser, served: Served) -> None:
+def test_page_without_its_proof_says_which_link_to_open(browser: Browser, served: Served) -> None:
     tab = Page(browser, served).tab
     tab.evaluate("localStorage.removeItem('proof')")
     tab.ask("Page.reload")
@@ -97,7 +97,7 @@ def test_without_its_proof_the_page_says_what_to_open(browser: Browser, served: 
     wait_until(lambda: signed_in(tab))
 
 
-def test_a_browser_that_keeps_nothing_is_signed_in_until_it_reloads(browser: Browser, served: Served) -> None:
+def test_browser_without_storage_is_signed_in_until_reload(browser: Browser, served: Served) -> None:
     tab = Page(browser, served).tab
     source = "Object.defineProperty(window, 'localStorage', {get() { throw new DOMException('no', 'SecurityError') }})"
     tab.ask("Page.addScriptToEvaluateOnNewDocument", source=source)
@@ -105,9 +105,7 @@ def test_a_browser_that_keeps_nothing_is_signed_in_until_it_reloads(browser: Bro
     wait_until(lambda: signed_in(tab))
 
 
-def test_the_cookie_that_a_server_beside_gets_opens_no_robot(
-    browser: Browser, served: Served, beside: Neighbour
-) -> None:
+def test_cookie_stolen_by_another_port_grants_no_access(browser: Browser, served: Served, beside: Neighbour) -> None:
     tab = Page(browser, served).tab
     tab.go(beside.address)
     stolen = next(cookie for cookie in beside.cookies if "missiontree_" in cookie)
@@ -130,7 +128,7 @@ def test_a_page_beside_reads_nothing_and_opens_nothing(browser: Browser, served:
     wait_until(lambda: signed_in(tab))
 
 
-def test_pictures_with_wrong_tokens_shut_nobody_out(browser: Browser, served: Served, beside: Neighbour) -> None:
+def test_images_with_wrong_tokens_do_not_lock_the_user_out(browser: Browser, served: Served, beside: Neighbour) -> None:
     pictures = "".join(f'<img src="http://{served.host}/?token=w{each}">' for each in range(3 * MAX_WRONG_TOKENS))
     frames = f'<iframe src="http://{served.host}/?token=f"></iframe>' * 3
     beside.page = f"<!doctype html><title>storm</title>{pictures}{frames}"
@@ -141,7 +139,7 @@ def test_pictures_with_wrong_tokens_shut_nobody_out(browser: Browser, served: Se
     wait_until(lambda: signed_in(tab))
 
 
-def test_stop_works_while_pages_of_others_try_tokens(browser: Browser, served: Served, beside: Neighbour) -> None:
+def test_stop_works_while_foreign_pages_try_tokens(browser: Browser, served: Served, beside: Neighbour) -> None:
     storm = f"new Image().src = 'http://{served.host}/?token=' + Math.random()"
     beside.page = f"<!doctype html><script>setInterval(() => {{ {storm} }}, 2)</script>"
     tab = browser.open(beside.address)
@@ -155,7 +153,7 @@ def test_stop_works_while_pages_of_others_try_tokens(browser: Browser, served: S
 
 
 @pytest.mark.parametrize("what", ["say nothing", "ask with a wrong token"])
-def test_the_page_comes_in_and_its_stop_works_while_many_do_this(browser: Browser, what: str) -> None:
+def test_page_opens_and_stop_works_during_an_attack(browser: Browser, what: str) -> None:
     with studio() as served:
         before = Page(browser, served)
         with attack(served, ATTACKS[what]):
@@ -166,7 +164,7 @@ def test_the_page_comes_in_and_its_stop_works_while_many_do_this(browser: Browse
             page.wait_for("No runs; nothing to stop.")
 
 
-def test_a_link_on_another_page_signs_in_at_once(browser: Browser, served: Served, beside: Neighbour) -> None:
+def test_link_on_another_page_signs_in(browser: Browser, served: Served, beside: Neighbour) -> None:
     beside.page = f'<!doctype html><a href="http://{served.host}/?token={served.operator}#tasks">studio</a>'
     tab = browser.open(beside.address)
     tab.find("link", "studio").click()
@@ -174,7 +172,7 @@ def test_a_link_on_another_page_signs_in_at_once(browser: Browser, served: Serve
     assert tab.evaluate("location.hash") == "#tasks"
 
 
-def test_a_file_that_leads_to_the_page_signs_in_at_once(browser: Browser, served: Served, tmp_path: Path) -> None:
+def test_file_with_a_redirect_signs_in(browser: Browser, served: Served, tmp_path: Path) -> None:
     path = tmp_path / "lead.html"
     link = f"http://{served.host}/?token={served.operator}"
     path.write_text(f'<!doctype html><meta http-equiv="refresh" content="0; url={link}">', encoding="utf-8")
@@ -183,7 +181,7 @@ def test_a_file_that_leads_to_the_page_signs_in_at_once(browser: Browser, served
 
 
 @pytest.mark.parametrize("proof", ["proof=evil", "proof="])
-def test_a_link_on_another_page_signs_nobody_out(
+def test_link_with_a_false_proof_keeps_the_sign_in(
     browser: Browser, served: Served, beside: Neighbour, proof: str
 ) -> None:
     tab = Page(browser, served).tab
@@ -243,7 +241,7 @@ def test_a_record_of_any_name_is_opened_reported_and_downloaded(
     assert page.tab.errors == []
 
 
-def test_a_name_that_was_typed_into_the_address_as_it_is_opens_the_record(
+def test_record_name_typed_unescaped_into_the_address_opens(
     browser: Browser, served: Served, strange: Callable[[str], Path]
 ) -> None:
     strange("100%.mcap")

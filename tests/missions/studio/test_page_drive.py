@@ -45,7 +45,7 @@ def hears_after(base: LoneBase, moment: float) -> Callable[[], bool]:
 
 
 @pytest.mark.real_time
-def test_the_base_drives_while_stick_or_key_is_held_and_rests_when_let_go_and_at_stop_until_it_is_released(
+def test_base_drives_while_stick_or_key_is_held_until_stop(
     browser: Browser, served: Served, scene: tuple[Process, LoneBase]
 ) -> None:
     page, base = driver(browser, served), scene[1]
@@ -74,9 +74,7 @@ LOSSES: dict[str, str] = {
 
 
 @pytest.mark.real_time
-def test_the_base_rests_when_what_drives_it_is_lost(
-    browser: Browser, served: Served, scene: tuple[Process, LoneBase]
-) -> None:
+def test_base_rests_when_its_input_is_lost(browser: Browser, served: Served, scene: tuple[Process, LoneBase]) -> None:
     base, rests = scene[1], dict[str, float]()
     for what, script in LOSSES.items():
         page = driver(browser, served)
@@ -112,9 +110,7 @@ def family(process: int) -> list[int]:
 
 
 @pytest.mark.real_time
-def test_the_base_rests_when_the_browser_is_stopped_as_by_a_laptops_lid_and_when_it_is_killed(
-    served: Served, scene: tuple[Process, LoneBase]
-) -> None:
+def test_base_rests_when_the_browser_is_suspended_or_killed(served: Served, scene: tuple[Process, LoneBase]) -> None:
     base, rests = scene[1], dict[str, float]()
     with Browser(chromium()) as browser:
         for what in ("stopped", "killed"):
@@ -183,7 +179,7 @@ def test_the_red_button_of_a_game_pad_stops_once_also_while_driving_is_blocked_a
 
 
 @pytest.mark.real_time
-def test_a_pad_whose_buttons_the_browser_does_not_know_stops_by_each_of_them_and_does_not_drive(
+def test_every_button_of_an_unknown_pad_stops(
     browser: Browser, served: Served, scene: tuple[Process, LoneBase]
 ) -> None:
     page, base = driver(browser, served), scene[1]
@@ -212,7 +208,7 @@ def test_a_robot_is_driven_without_a_mission(browser: Browser, served: Served) -
 
 
 @pytest.mark.real_time
-def test_who_drives_moves_the_robot_also_while_simulated_time_is_paused(
+def test_driver_moves_the_robot_while_simulated_time_is_paused(
     browser: Browser, served: Served, tmp_path: Path
 ) -> None:
     with simulated_run(tmp_path):
@@ -230,9 +226,7 @@ def test_who_drives_moves_the_robot_also_while_simulated_time_is_paused(
 
 
 @pytest.mark.real_time
-def test_a_stop_in_simulated_time_lets_the_base_brake_and_is_gone_on_from_where_it_is_released(
-    browser: Browser, served: Served, tmp_path: Path
-) -> None:
+def test_stop_in_simulated_time_brakes_and_release_continues(browser: Browser, served: Served, tmp_path: Path) -> None:
     with simulated_run(tmp_path, DRIVING):
         page = Page(browser, served, view="#robot")
         wait_until(lambda: re.search(r"speed 0\.[1-9]", page.tab.text()))

@@ -28,7 +28,7 @@ def test_stop_of_a_fleet_without_robots_is_not_reported_as_confirmed(browser: Br
         assert "robots confirmed" not in page.tab.text()
 
 
-def test_page_reads_the_members_that_the_reply_to_a_stop_has() -> None:
+def test_page_reads_the_members_of_the_stop_reply() -> None:
     script = (Path(studio_module.__file__).parent / "page" / "fleet.js").read_text(encoding="utf-8")
     read = re.search(r"const \{ (answers[^}]*) \} = await this\.#link\.ask", script)
     assert read is not None

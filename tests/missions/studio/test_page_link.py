@@ -59,7 +59,7 @@ window.fetch = async (url, options) => {
 """Has the page's new cookie come late, and counts what is refused until then."""
 
 
-def test_who_makes_new_links_stays_in_and_sees_them_and_stop_has_its_connection_again(browser: Browser) -> None:
+def test_renewing_links_keeps_the_own_sign_in_and_stop_connection(browser: Browser) -> None:
     with studio() as served:
         page = overheard(browser, served, "#run")
         page.tab.evaluate(SLOW_ENTRY)
@@ -93,9 +93,7 @@ def has_opened(network: Lossy, number: int) -> bool:
 
 
 @pytest.mark.real_time
-def test_stop_comes_over_whichever_of_its_three_connections_loses_nothing(
-    browser: Browser, served: Served, tmp_path: Path
-) -> None:
+def test_stop_arrives_over_any_one_of_its_three_connections(browser: Browser, served: Served, tmp_path: Path) -> None:
     """How long it takes then, ``tests.benchmarks.pressing`` measures."""
     passes: list[int] = []  # the one connection that loses nothing, once there is one
     turns = count(1)
@@ -123,7 +121,7 @@ LOST = 20
 """How often a segment is lost: each time twice as long, so it does not come while anybody waits."""
 
 
-def test_stop_has_a_connection_of_its_own_on_which_nothing_else_waits(browser: Browser, served: Served) -> None:
+def test_stop_has_its_own_connection(browser: Browser, served: Served) -> None:
     page = overheard(browser, served, "#run")
     wait_until(lambda: sent(page, "library"))
     page.stop.click()
@@ -184,7 +182,7 @@ ROUND_TRIPS = """
         [("welcome", 10), ("another", 20), ("welcome", 30)],  # of a drive command, which has no number
     ],
 )
-def test_the_round_trip_is_known_after_hellos_that_were_refused(
+def test_round_trip_is_known_after_refused_hellos(
     browser: Browser, served: Served, answers: list[tuple[str, int]]
 ) -> None:
     page = Page(browser, served, view="#run")
@@ -204,7 +202,7 @@ def test_stop_stays_red_under_the_mouse(browser: Browser, served: Served) -> Non
     assert page.tab.evaluate(colour) == red
 
 
-def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(browser: Browser, served: Served) -> None:
+def test_uncertain_stop_is_shown_in_red(browser: Browser, served: Served) -> None:
     runs = Path(served.runtime) / "system/run/user" / str(os.geteuid()) / SESSION_SUBFOLDER
     runs.parent.mkdir(parents=True)
     page = Page(browser, served, view="#run")
@@ -224,7 +222,9 @@ def test_a_stop_that_has_perhaps_not_happened_is_told_in_red_until_one_has(brows
     assert "PERHAPS" not in page.tab.text()
 
 
-def test_the_camera_is_asked_for_only_while_somebody_looks(browser: Browser, served: Served, tmp_path: Path) -> None:
+def test_camera_pictures_are_requested_only_while_the_page_is_visible(
+    browser: Browser, served: Served, tmp_path: Path
+) -> None:
     with simulated_run(tmp_path):
         page = overheard(browser, served, "#live")
 
@@ -243,9 +243,7 @@ def test_the_camera_is_asked_for_only_while_somebody_looks(browser: Browser, ser
         wait_until(lambda: pictures() == 0)
 
 
-def test_who_drives_is_asked_for_the_wheels_and_hands_them_over(
-    browser: Browser, served: Served, tmp_path: Path
-) -> None:
+def test_control_is_handed_over_on_request(browser: Browser, served: Served, tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, _), served.client(served.operator) as other:
         run = str(process.process.pid)
         page = Page(browser, served, view="#drive")

@@ -68,9 +68,7 @@ def test_own_missions_stand_first_under_their_names_and_the_list_follows_the_fil
     assert tab.errors == []
 
 
-def test_a_chosen_mission_that_changes_is_read_again_and_what_was_typed_stays(
-    browser: Browser, beside: Served, folder: Path
-) -> None:
+def test_changed_mission_is_reloaded_and_entered_values_stay(browser: Browser, beside: Served, folder: Path) -> None:
     tab = (page := Page(browser, beside, view="#run/my%20dance.yaml")).tab
     wait_until(lambda: page.enabled("Run simulated"))
     tab.find("textbox", "Greeting").focus()

@@ -42,7 +42,7 @@ FILLED = {
 }
 
 
-def test_holes_are_filled_where_all_in_them_is_known(browser: Browser, served: Served) -> None:
+def test_placeholders_are_filled_if_all_values_are_known(browser: Browser, served: Served) -> None:
     tab = Page(browser, served).tab
     found = tab.evaluate(
         f"import('./values.js').then(({{ filled }}) => {json.dumps(list(FILLED))}.map((text) =>"
@@ -66,7 +66,7 @@ FIGURES = {
 }
 
 
-def test_each_figure_of_a_part_or_a_command_has_its_unit(browser: Browser, served: Served) -> None:
+def test_each_number_of_a_part_or_command_has_its_unit(browser: Browser, served: Served) -> None:
     tab = Page(browser, served).tab
     asked = json.dumps(list(FIGURES))
     found = tab.evaluate(f"import('./words.js').then(({{ sized }}) => {asked}.map((each) => sized(...each)))")
@@ -126,7 +126,7 @@ def test_the_tree_shows_values_and_their_names_where_the_mouse_rests(
         assert page.tab.errors == []
 
 
-def test_values_before_a_run_are_those_of_all_its_missions(tmp_path: Path) -> None:
+def test_initial_values_include_all_submissions(tmp_path: Path) -> None:
     (tmp_path / "part.yaml").write_text(PART, encoding="utf-8")
     (tmp_path / "whole.yaml").write_text(WHOLE, encoding="utf-8")
     found = {
@@ -138,7 +138,7 @@ def test_values_before_a_run_are_those_of_all_its_missions(tmp_path: Path) -> No
     }  # fmt: skip
 
 
-def test_the_preview_follows_what_is_typed(browser: Browser, served: Served) -> None:
+def test_preview_follows_entered_values(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run/greet")
     wait_until(lambda: page.enabled("Run simulated"))
     if not page.tab.evaluate("!!document.querySelector('.preview:not(.folded) .title')"):

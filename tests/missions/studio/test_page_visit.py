@@ -22,7 +22,7 @@ from tests.missions.views.pictures.drawn import HOSTILE
 from tests.waiting import wait_until
 
 
-def test_until_the_missions_are_read_the_page_says_so_and_no_longer(browser: Browser, served: Served) -> None:
+def test_page_shows_that_missions_are_loading_until_they_are_read(browser: Browser, served: Served) -> None:
     page = Page(browser, served)
     told = "view.node.querySelector('.chosen').textContent"
     said = page.tab.evaluate(
@@ -39,7 +39,7 @@ def test_until_the_missions_are_read_the_page_says_so_and_no_longer(browser: Bro
 
 
 @pytest.mark.real_time
-def test_greet_is_run_from_its_form_watched_and_looked_at_again(browser: Browser, served: Served) -> None:
+def test_greet_is_started_watched_and_replayed_on_the_page(browser: Browser, served: Served) -> None:
     page = Page(browser, served, size=PHONE)
     tab = page.tab
     assert tab.evaluate("location.search") == ""  # the token is not to be seen any more
@@ -157,7 +157,7 @@ def test_two_records_are_compared_and_one_slider_moves_both(
     assert tab.errors == []
 
 
-def test_a_record_too_large_for_a_report_says_what_to_type(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_too_large_for_a_report_gives_a_command_as_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     records = records_folder()
     records.mkdir(parents=True, exist_ok=True)
     write(records / "long.mcap", items())
@@ -200,7 +200,7 @@ def test_a_task_that_needs_approval_is_approved(browser: Browser, served: Served
     page.wait_for("The queue is empty.")
 
 
-def test_what_the_doctor_found_last_stands_beside_the_missions(
+def test_last_doctor_findings_are_shown_beside_the_missions(
     browser: Browser, served: Served, kept: Callable[[Path], Path]
 ) -> None:
     what = f"10.1 V is little {HOSTILE}"
@@ -213,7 +213,7 @@ def test_what_the_doctor_found_last_stands_beside_the_missions(
     page.wait_for("<img src=x", "Try: charge the battery")
 
 
-def test_a_checkup_that_cannot_be_read_is_not_taken_for_none() -> None:
+def test_unreadable_checkup_is_reported() -> None:
     assert library._last_checkup() is None
     checkup_file().parent.mkdir(parents=True, exist_ok=True)
     checkup_file().write_text("{", encoding="utf-8")
@@ -222,7 +222,7 @@ def test_a_checkup_that_cannot_be_read_is_not_taken_for_none() -> None:
     assert "cannot be read" in str(found["ailing"])
 
 
-def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browser, served: Served) -> None:
+def test_adding_a_person_needs_a_name_and_a_run_with_camera(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run")
     page.press("Add with the robot's camera")
     page.wait_for("Enter a name first.")
@@ -232,7 +232,7 @@ def test_who_is_to_be_known_needs_a_name_and_a_run_with_a_camera(browser: Browse
     page.wait_for("The robot's camera needs a run")
 
 
-def test_what_must_be_confirmed_for_a_robot_is_asked_for(browser: Browser, served: Served) -> None:
+def test_run_on_a_robot_needs_confirmations(browser: Browser, served: Served) -> None:
     page = Page(browser, served, view="#run/greet")
     wait_until(lambda: page.enabled("Run simulated"))
     page.click("radio", "On the robot")
@@ -259,7 +259,7 @@ def test_each_view_has_stop_in_sight_and_nothing_too_wide(browser: Browser, serv
             assert page.tab.evaluate("document.querySelectorAll('[aria-current=page]').length") == 1, what
 
 
-def test_a_page_of_another_version_asks_to_be_reloaded_and_can_stop(browser: Browser, served: Served) -> None:
+def test_outdated_page_requests_a_reload_and_can_stop(browser: Browser, served: Served) -> None:
     page = Page(browser, served)
     older = (
         "new MutationObserver(() => { const meta = document.querySelector('meta[name=version]');"
@@ -273,7 +273,7 @@ def test_a_page_of_another_version_asks_to_be_reloaded_and_can_stop(browser: Bro
     page.wait_for("nothing to stop")
 
 
-def test_a_page_that_has_lost_its_link_says_so_and_that_stop_does_not_reach(browser: Browser) -> None:
+def test_page_without_connection_warns_that_stop_does_not_reach(browser: Browser) -> None:
     with studio() as lost:
         page = Page(browser, lost)
     wait_until(lambda: "connection lost" in page.link)
@@ -305,13 +305,13 @@ LARGE = """(async () => {
 })()"""
 
 
-def test_a_large_tree_is_drawn_in_pieces_so_that_the_page_goes_on_to_hear(browser: Browser, served: Served) -> None:
+def test_large_tree_is_drawn_in_pieces_without_blocking(browser: Browser, served: Served) -> None:
     there = Page(browser, served, view="#tasks").tab.evaluate(LARGE)
     assert there[-1] == 301
     assert max(after - before for before, after in pairwise([0, *there])) <= 12
 
 
-def test_the_failsafe_page_is_stepped_through_and_says_what_the_base_does(browser: Browser, served: Served) -> None:
+def test_failsafe_page_steps_through_the_reactions_of_the_base(browser: Browser, served: Served) -> None:
     page = Page(browser, served, served.viewer, view="#failsafe")
     tab = page.tab
     now = "document.querySelector('.steps [aria-current]')?.textContent ?? ''"
@@ -333,7 +333,7 @@ def test_the_failsafe_page_is_stepped_through_and_says_what_the_base_does(browse
     assert tab.errors == []
 
 
-def test_a_word_that_is_no_choice_is_refused_with_those_that_are(served: Served) -> None:
+def test_unknown_failsafe_choice_is_refused_with_a_suggestion(served: Served) -> None:
     with served.client(served.viewer) as client:
         answer = client.ask("failsafe", fault="bumper lift")
         assert (answer["error"], answer["hint"]) == ("bad_field", "did you mean 'bumper left'?")

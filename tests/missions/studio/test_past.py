@@ -16,7 +16,7 @@ class Rolling:
         return Reading(BaseState(Pose2D(self.x, 0.0, 0.0), Velocity(0.0, 0.0)), 0.0, Quality.GOOD)
 
 
-def test_the_last_values_of_a_variable_are_told_and_when_they_were_so() -> None:
+def test_history_keeps_the_last_values_of_a_variable_with_times() -> None:
     past = RunHistory(Robot())
     for t in range(100):
         past(VariableSet(float(t), t, "1.2", "count", t if t < 99 else None))
@@ -26,7 +26,7 @@ def test_the_last_values_of_a_variable_are_told_and_when_they_were_so() -> None:
     assert told["1.2 count"][-2:] == [[98.0, "98"], [99.0, None]]
 
 
-def test_of_a_long_way_every_second_place_is_kept_and_its_two_ends() -> None:
+def test_long_route_is_thinned_and_keeps_its_ends() -> None:
     past = RunHistory(Robot(base_part=Rolling()))  # type: ignore[arg-type]
     for tick in range(3 * MAX_POSITIONS):
         past(Ticked(tick * POSITION_INTERVAL, tick, "running", None))

@@ -16,7 +16,7 @@ def free_port() -> int:
         return int(found.getsockname()[1])
 
 
-def test_a_second_studio_takes_the_next_free_port_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_second_studio_uses_the_next_free_port(monkeypatch: pytest.MonkeyPatch) -> None:
     usual = free_port()
     monkeypatch.setattr(studio, "DEFAULT_PORT", usual)
     with closing(studio._listen("127.0.0.1", None)) as first, closing(studio._listen("127.0.0.1", None)) as second:
@@ -24,7 +24,7 @@ def test_a_second_studio_takes_the_next_free_port_and_says_so(monkeypatch: pytes
         assert usual < second.getsockname()[1] < usual + studio.MAX_PORTS_TRIED
 
 
-def test_a_port_that_was_asked_for_is_refused_with_who_has_it(capsys: pytest.CaptureFixture[str]) -> None:
+def test_requested_port_in_use_is_refused_with_the_process(capsys: pytest.CaptureFixture[str]) -> None:
     first = Process("studio", "--port", "0")
     try:
         line = first.wait_for_line(lambda line: line.startswith("to view"))
@@ -39,7 +39,7 @@ def test_a_port_that_was_asked_for_is_refused_with_who_has_it(capsys: pytest.Cap
     assert "try: mission studio --port 0  (any free port)" in refused.err
 
 
-def test_only_a_port_in_use_makes_it_try_the_next(
+def test_next_port_is_tried_only_if_the_port_is_in_use(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # An address for documentation (RFC 5737), which no computer has.

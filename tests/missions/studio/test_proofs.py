@@ -91,7 +91,7 @@ def test_the_proof_of_one_path_opens_no_other(served: Served) -> None:
     assert refused(served, f"ws://{served.host}/ws?{proof}", cookie) == HTTPStatus.UNAUTHORIZED
 
 
-def test_a_second_tab_leaves_the_links_of_the_first_one_as_they_are(served: Served) -> None:
+def test_second_tab_keeps_the_proof_of_the_first(served: Served) -> None:
     cookie, where = served.sign_in(served.operator, "/records/none.mcap")
     status, headers, _ = served.get(f"/?token={served.operator}", Cookie=cookie)
     assert (status, "set-cookie" in headers) == (HTTPStatus.SEE_OTHER, False)
@@ -101,7 +101,7 @@ def test_a_second_tab_leaves_the_links_of_the_first_one_as_they_are(served: Serv
     assert "set-cookie" in headers  # that of another role
 
 
-def test_a_link_elsewhere_does_not_give_the_page_another_proof(served: Served) -> None:
+def test_link_with_a_false_proof_is_redirected_without_proof(served: Served) -> None:
     cookie, where = served.sign_in(served.operator)
     assert served.get(where, Cookie=cookie)[0] == HTTPStatus.OK
     for wrong in ("/?proof=evil", "/?proof=", "/?a=1&proof=evil"):
@@ -110,7 +110,7 @@ def test_a_link_elsewhere_does_not_give_the_page_another_proof(served: Served) -
         assert "proof" not in headers["location"]
 
 
-def test_a_cookie_of_another_port_of_the_same_host_is_not_taken(served: Served) -> None:
+def test_cookie_of_another_port_is_ignored(served: Served) -> None:
     cookie, where = served.sign_in(served.operator)
     name, _, value = cookie.partition("=")
     assert name == f"missiontree_{served.port}"
@@ -119,7 +119,7 @@ def test_a_cookie_of_another_port_of_the_same_host_is_not_taken(served: Served) 
     assert served.get(where, Cookie=f"{name}=tossed; {cookie}; {name}=tossed")[0] == HTTPStatus.OK
 
 
-def test_behind_a_tunnel_the_cookie_has_the_port_that_the_browser_sees(served: Served) -> None:
+def test_cookie_behind_a_tunnel_has_the_port_of_the_browser(served: Served) -> None:
     for host, name in (("localhost:9001", "missiontree_9001"), ("localhost", "missiontree_")):
         _, headers, _ = served.get(f"/?token={served.viewer}", Host=host)
         assert headers["set-cookie"].startswith(f"{name}=")
@@ -132,7 +132,7 @@ def test_a_host_with_a_wrong_port_is_refused(served: Served, host: str) -> None:
 
 
 @each("who", ELSEWHERE)
-def test_what_pages_of_others_fetch_is_refused_and_counts_against_nobody(served: Served, who: str) -> None:
+def test_requests_of_foreign_pages_are_refused_and_not_counted(served: Served, who: str) -> None:
     headers = fetched(*ELSEWHERE[who])
     for number in range(2 * MAX_WRONG_TOKENS):
         assert served.get(f"/?token=wrong{number}", **headers)[0] == HTTPStatus.FORBIDDEN
@@ -141,7 +141,7 @@ def test_what_pages_of_others_fetch_is_refused_and_counts_against_nobody(served:
 
 
 @each("site", ["none", "same-origin", "same-site", "cross-site"])
-def test_a_link_opens_the_page_from_wherever_it_is_pressed(served: Served, site: str) -> None:
+def test_access_link_works_from_any_site(served: Served, site: str) -> None:
     headers = fetched(site, "navigate", "document")
     assert served.get(f"/?token={served.operator}", **headers)[0] == HTTPStatus.SEE_OTHER
     cookie, where = served.sign_in(served.operator, "/records/none.mcap")
@@ -176,7 +176,7 @@ def test_strange_tokens_open_nothing(token: str) -> None:
     assert StudioAccess().by_token(token, "1.2.3.4") is None
 
 
-def test_the_token_that_lets_in_once_does_not_wait_for_ever() -> None:
+def test_once_token_expires() -> None:
     access = StudioAccess(clock=(clock := ManualClock()))
     token = access.make_once_token()
     clock.advance(ONCE_TOKEN_LIFETIME + 1.0)
@@ -184,7 +184,7 @@ def test_the_token_that_lets_in_once_does_not_wait_for_ever() -> None:
     assert not access.is_once_open
 
 
-def test_many_sign_ins_of_viewers_leave_those_of_operators() -> None:
+def test_viewer_sign_ins_do_not_evict_operators() -> None:
     access = StudioAccess()
     cookie, _ = access.sign_in("operator")
     viewers = [access.sign_in("viewer")[0] for _ in range(MAX_SIGN_INS + 1)]
@@ -218,6 +218,6 @@ def test_new_links_end_all_proofs() -> None:
         "..mcap",
     ],
 )
-def test_a_link_to_a_name_of_any_characters_is_proved_as_it_comes(served: Served, name: str) -> None:
+def test_proof_is_valid_for_any_record_name(served: Served, name: str) -> None:
     cookie, where = served.sign_in(served.operator, f"/records/{quote(name)}")
     assert served.get(where, Cookie=cookie)[0] == HTTPStatus.NOT_FOUND

@@ -26,17 +26,17 @@ def test_the_schema_is_one() -> None:
     "message",
     [AnswerMessage(id=3, ok=True, result={"run": "1"}), RunOverMessage(run="1", result="", reason="", seconds=2.0)],
 )
-def test_what_is_said_is_what_the_schema_describes(message: object) -> None:
+def test_messages_match_the_schema(message: object) -> None:
     jsonschema.validate(json.loads(encode_message(message)), SCHEMA)
 
 
-def test_a_command_is_read_with_its_defaults() -> None:
+def test_command_is_decoded_with_defaults() -> None:
     line = '{"do": "drive", "run": "7", "n": 1, "stamp": 5, "ahead": 1, "left": -0.5}'
     assert read_command(line) == DriveCommand(run="7", n=1, stamp=5, ahead=1, left=-0.5, pace=0.5)
     jsonschema.validate(json.loads(line), SCHEMA)
 
 
-def test_a_command_comes_back_as_it_was_written() -> None:
+def test_command_round_trips() -> None:
     start = StartRun(id=4, mission="greet", params={"patience": "5 s"}, sure=True)
     assert read_command(json.dumps(encode_tagged(start, "do", CODEC_RULES)), commands=COMMANDS) == start
 
@@ -73,7 +73,7 @@ def test_a_command_comes_back_as_it_was_written() -> None:
         (json.dumps({"do": "hello", "version": "x" * MAX_COMMAND_BYTES}), "too_large", "65536 bytes"),
     ],
 )
-def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str) -> None:
+def test_invalid_command_is_refused_by_error_name(line: str, error: str, said: str) -> None:
     with pytest.raises(BadMessage, match=said.replace("[", r"\[")) as refused:
         read_command(line, commands=COMMANDS)
     assert refused.value.error == error
@@ -81,7 +81,7 @@ def test_what_is_no_command_is_refused_by_name(line: str, error: str, said: str)
 
 
 @each("line", ['{"do": "stop", "id": %s}', '{"do": "start", "mission": "x", "params": {"a": %s}}'])
-def test_however_deep_a_command_is_it_is_refused_by_name(line: str) -> None:
+def test_deeply_nested_command_is_refused(line: str) -> None:
     for depth in range(850, 1050):
         with pytest.raises(BadMessage):
             read_command(line % ('{"a": ' * depth + "1" + "}" * depth), commands=COMMANDS)
@@ -123,7 +123,7 @@ def test_the_id_of_a_malformed_command_is_found(message: str | bytes, number: in
     assert find_id(message) == number
 
 
-def test_a_near_miss_is_asked_about() -> None:
+def test_near_miss_of_a_command_gives_a_suggestion() -> None:
     with pytest.raises(BadMessage) as refused:
         read_command('{"do": "stopp"}')
     assert refused.value.hint == "did you mean 'stop'?"

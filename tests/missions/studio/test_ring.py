@@ -26,7 +26,7 @@ def written(folder: Path, name: str, *, age: float, size: int = 10) -> Path:
     return path
 
 
-def test_what_is_older_than_a_month_goes_and_nothing_else_in_the_folder(tmp_path: Path) -> None:
+def test_only_records_older_than_a_month_are_removed(tmp_path: Path) -> None:
     new, old = written(tmp_path, "new", age=DAY), written(tmp_path, "old", age=31 * DAY)
     other = tmp_path / "notes.txt"
     other.touch()
@@ -42,7 +42,7 @@ def test_the_oldest_make_room_for_the_newest(tmp_path: Path, monkeypatch: pytest
     assert [path.exists() for path in files] == [True, True, False, False]
 
 
-def test_the_newest_stays_however_large_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_newest_record_is_kept_at_any_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(retention, "MAX_TOTAL_BYTES", 5)
     path = written(tmp_path, "one", age=100 * DAY)
     retention.remove_old_records(tmp_path, 1e9)
@@ -54,7 +54,7 @@ YEAR = 365 * DAY
 
 
 @pytest.mark.parametrize("wrong", [0.0, 1000.0, NOW - YEAR, NOW + 2 * YEAR, NOW + 70 * YEAR, 2.0**31, 2.0**33])
-def test_no_record_goes_by_its_age_while_the_clock_is_wrong_nor_after_that(tmp_path: Path, wrong: float) -> None:
+def test_wrong_clock_removes_no_record(tmp_path: Path, wrong: float) -> None:
     files = [written(tmp_path, str(age), age=age * DAY) for age in (1, 5, 20)]
     for hours in range(3):  # runs meanwhile
         assert retention.remove_old_records(tmp_path, wrong + hours * 3600.0) == []
@@ -63,14 +63,14 @@ def test_no_record_goes_by_its_age_while_the_clock_is_wrong_nor_after_that(tmp_p
     assert all(path.exists() for path in files)
 
 
-def test_records_from_the_future_are_kept_and_do_not_make_others_old(tmp_path: Path) -> None:
+def test_future_records_are_kept_and_do_not_age_others(tmp_path: Path) -> None:
     ahead = written(tmp_path, "ahead", age=-300 * YEAR)
     near, far = written(tmp_path, "near", age=10 * DAY), written(tmp_path, "far", age=35 * DAY)
     assert retention.remove_old_records(tmp_path, NOW) == ["far.mcap (over 30 days old)"]
     assert (ahead.exists(), near.exists(), far.exists()) == (True, True, False)
 
 
-def test_the_first_made_makes_room_whatever_its_stamp_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_first_recorded_is_removed_first_at_any_timestamp(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     names = ("first", "second", "third", "fourth")
     stamps = (NOW, 60.0, NOW + 70 * YEAR, 30.0)  # a clock that begins in 1970 at each start, until it is set
     for name, stamp in zip(names, stamps, strict=True):
@@ -82,7 +82,7 @@ def test_the_first_made_makes_room_whatever_its_stamp_says(tmp_path: Path, monke
     assert sorted(each.partition(".")[0] for each in removed) == ["first", "second"]
 
 
-def test_a_record_that_is_being_written_stays(tmp_path: Path) -> None:
+def test_record_being_written_is_not_removed(tmp_path: Path) -> None:
     written(tmp_path, "new", age=DAY)
     old = written(tmp_path, "old", age=31 * DAY)
     with old.open("ab") as file:
@@ -92,7 +92,7 @@ def test_a_record_that_is_being_written_stays(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["fifo", "folder", "dangling", "binary", "device"])
-def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: str) -> None:
+def test_odd_order_file_does_not_block(tmp_path: Path, kind: str) -> None:
     order = tmp_path / retention.ORDER_FILE
     match kind:
         case "fifo":
@@ -111,9 +111,7 @@ def test_what_stands_in_place_of_the_order_hangs_nothing(tmp_path: Path, kind: s
 
 
 @pytest.mark.parametrize("name", [b"caf\xe9.mcap", b"two\nlines.mcap"])
-def test_a_record_with_an_odd_name_keeps_its_place_in_the_order(
-    tmp_path: Path, name: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_record_with_an_odd_name_keeps_its_order(tmp_path: Path, name: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     first = tmp_path / os.fsdecode(name)
     first.write_bytes(b"x" * 10)
     os.utime(first, (NOW - 2 * DAY, NOW - 2 * DAY))
@@ -126,7 +124,7 @@ def test_a_record_with_an_odd_name_keeps_its_place_in_the_order(
     assert not first.exists()
 
 
-def test_a_run_tells_which_records_it_removes(
+def test_removed_records_are_reported_by_the_run(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = retention.records_folder()
@@ -142,14 +140,14 @@ def test_a_run_tells_which_records_it_removes(
     shutil.rmtree(folder)
 
 
-def test_a_folder_that_cannot_be_read_is_an_error_and_no_empty_one(tmp_path: Path) -> None:
+def test_unreadable_records_folder_is_an_error(tmp_path: Path) -> None:
     assert retention.list_records(tmp_path / "missing") == []
     (tmp_path / "file").touch()
     with pytest.raises(NotADirectoryError):
         retention.list_records(tmp_path / "file")
 
 
-def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_removed_during_listing_is_omitted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("one.mcap", "two.mcap"):
         (tmp_path / name).touch()
     is_file = Path.is_file
@@ -174,7 +172,7 @@ def test_a_record_that_is_removed_meanwhile_is_left_out(tmp_path: Path, monkeypa
         ("all", "record: false", True, True),
     ],
 )
-def test_the_users_default_says_whether_runs_are_recorded_and_the_environment_goes_before_it(
+def test_record_variable_overrides_the_users_default(
     said: str, default: str, robot: bool, simulated: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("MISSION_RECORD", said)
@@ -183,7 +181,7 @@ def test_the_users_default_says_whether_runs_are_recorded_and_the_environment_go
     assert (options.is_recorded_by_default(), options.is_recorded_by_default(simulated=True)) == (robot, simulated)
 
 
-def test_a_run_on_a_robot_is_recorded_unless_somebody_says_no(
+def test_run_on_a_robot_is_recorded_by_default(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))

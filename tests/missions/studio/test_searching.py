@@ -71,7 +71,7 @@ def note_of(process: int) -> Path:
 
 
 @pytest.mark.parametrize("number", ERRORS)
-def test_a_folder_that_cannot_be_read_is_a_doubt(
+def test_unreadable_folder_makes_stop_uncertain(
     number: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     sockets.socket_folder()
@@ -90,7 +90,7 @@ def test_a_folder_that_cannot_be_read_is_a_doubt(
     assert "perhaps not stopped" in str(found[UNKNOWN_RUN]["trouble"])  # type: ignore[index]
 
 
-def test_a_list_of_the_kernel_that_cannot_be_read_is_a_doubt(
+def test_unreadable_socket_list_makes_stop_uncertain(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     monkeypatch.setattr(abstract_sockets, "SOCKET_LIST", tmp_path / "missing")
@@ -98,7 +98,7 @@ def test_a_list_of_the_kernel_that_cannot_be_read_is_a_doubt(
     assert (told.code, "missing cannot be read" in told.out) == (1, True)
 
 
-def test_the_folder_of_another_user_holds_no_run_and_leaves_no_doubt(
+def test_folder_of_another_user_is_ignored(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     folder = tmp_path / "missiontree/runs"
@@ -111,7 +111,7 @@ def test_the_folder_of_another_user_holds_no_run_and_leaves_no_doubt(
 
 
 @pytest.mark.parametrize(("kind", "doubts"), [("run", 1), ("command", 1), ("run-simulated", 0)])
-def test_the_robot_of_another_user_is_a_doubt_and_a_simulated_one_is_none(
+def test_real_robot_of_another_user_makes_stop_uncertain(
     kind: str, doubts: int, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     identity = identity_of(os.getpid())
@@ -137,7 +137,7 @@ def test_a_process_with_a_note_and_without_a_socket_is_ended_by_sigterm(capsys: 
     assert command(capsys, "stop").out == "no mission is running\n"
 
 
-def test_a_process_that_has_got_the_number_of_a_run_is_not_ended(capsys: pytest.CaptureFixture[str]) -> None:
+def test_process_with_a_reused_pid_is_not_ended(capsys: pytest.CaptureFixture[str]) -> None:
     with noted_run() as run:
         about = json.loads(note_of(run.pid).read_text(encoding="utf-8"))
     with sleeper() as process:
@@ -152,7 +152,7 @@ def test_a_process_that_has_got_the_number_of_a_run_is_not_ended(capsys: pytest.
     assert pid == run.pid
 
 
-def test_a_note_of_another_computer_that_shares_the_home_is_left_alone(capsys: pytest.CaptureFixture[str]) -> None:
+def test_note_of_another_computer_is_left_unchanged(capsys: pytest.CaptureFixture[str]) -> None:
     with noted_run() as run:
         about = json.loads(note_of(run.pid).read_text(encoding="utf-8"))
     about["computer"] = "another"
@@ -165,7 +165,7 @@ def test_a_note_of_another_computer_that_shares_the_home_is_left_alone(capsys: p
 @pytest.mark.parametrize(
     "text", ["", "{", "[]", '{"name": 1}', "null", "[" * 50_000, '{"a":' * 10_000, '{"process": [1e999, 1, "", 1]}']
 )
-def test_a_note_that_cannot_be_understood_is_a_doubt_while_its_process_lives(
+def test_invalid_note_makes_stop_uncertain_while_its_process_lives(
     text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with sleeper() as process:
@@ -178,7 +178,7 @@ def test_a_note_that_cannot_be_understood_is_a_doubt_while_its_process_lives(
     assert not note_of(process.pid).exists()
 
 
-def test_a_run_in_another_namespace_of_processes_is_a_doubt(
+def test_run_in_another_pid_namespace_makes_stop_uncertain(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     write, own = json.dumps, identity_of(os.getpid())
@@ -214,7 +214,7 @@ def refuse_notes(patch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("see", [in_another_container, refuse_notes])
-def test_a_healthy_run_in_a_container_that_shares_the_home_is_latched_and_not_ended(
+def test_run_in_a_container_with_shared_home_is_latched_and_not_ended(
     see: Callable[[pytest.MonkeyPatch], None],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -236,7 +236,7 @@ def test_a_healthy_run_in_a_container_that_shares_the_home_is_latched_and_not_en
         assert "SIGTERM" not in stopped.out
 
 
-def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_without_an_address(
+def test_namesakes_socket_file_is_not_used_for_another_run(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     with sleeper() as process, Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}) as namesake:
@@ -250,7 +250,7 @@ def test_the_file_of_another_run_of_its_name_is_not_taken_for_that_of_a_run_with
     assert len(said) == 2
 
 
-def test_what_to_type_names_the_process_by_its_number_on_this_side_of_a_container(
+def test_kill_hint_has_the_pid_outside_the_container(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(command_broadcast, "RUN_END_TIMEOUT", 0.05)
@@ -335,7 +335,7 @@ def namesakes() -> Iterator[tuple[Answering, Answering]]:
 
 
 @pytest.mark.parametrize("linked", [False, True], ids=["searched", "linked"])
-def test_a_doubt_about_one_of_two_runs_of_one_name_is_kept(linked: bool) -> None:
+def test_uncertain_stop_of_one_of_two_namesakes_is_kept(linked: bool) -> None:
     async def stop() -> list[Mapping[str, object]]:
         one = RunHub(lambda: None)
         if linked:
@@ -351,7 +351,7 @@ def test_a_doubt_about_one_of_two_runs_of_one_name_is_kept(linked: bool) -> None
     assert sorted("perhaps not stopped: base" in str(each.get("trouble", "")) for each in told) == [False, True]
 
 
-def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_namesakes_are_both_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_hub, "may_be_alive", lambda _: True)
     for place in run_folders.run_folders()[:2]:
         with socket.socket(socket.AF_UNIX) as left:
@@ -369,7 +369,7 @@ def test_two_runs_of_one_name_that_are_not_reached_are_both_told(monkeypatch: py
 
 
 @pytest.mark.parametrize("line", [b"[]", b"null", b"[" * 50_000, b"{"])
-def test_a_socket_that_speaks_nonsense_hides_no_other_run(line: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_socket_reply_hides_no_other_run(line: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_hub, "may_be_alive", lambda _: True)
     first, second = (place.prepare() for place in run_folders.run_folders()[:2])
 
@@ -391,7 +391,7 @@ def test_a_socket_that_speaks_nonsense_hides_no_other_run(line: bytes, monkeypat
     assert {str(each["run"]): "trouble" in each for each in found} == {"1": False, "2": True}
 
 
-def test_commands_and_watching_reach_the_one_of_two_runs_of_one_name_that_is_shown() -> None:
+def test_commands_reach_the_selected_one_of_two_namesakes() -> None:
     async def work() -> None:
         one = RunHub(lambda: None)
         await one.search()
@@ -411,7 +411,7 @@ def test_commands_and_watching_reach_the_one_of_two_runs_of_one_name_that_is_sho
         assert [[told["do"] for told in each.asked] for each in both] == [["pause", "watch"]] * 2
 
 
-def test_a_part_that_has_not_heard_the_stop_is_told(capsys: pytest.CaptureFixture[str]) -> None:
+def test_part_that_did_not_confirm_the_stop_is_reported(capsys: pytest.CaptureFixture[str]) -> None:
     with Answering(lambda _: {"result": {"parts": ["head"], "missing": ["base"], "stops": 1}}) as run:
         told = command(capsys, "stop")
     assert told.code == 1
@@ -420,7 +420,7 @@ def test_a_part_that_has_not_heard_the_stop_is_told(capsys: pytest.CaptureFixtur
     assert len(run.asked) == command_broadcast.STOP_TRIES
 
 
-def test_a_release_that_is_not_answered_is_told_and_ends_nothing(
+def test_unanswered_release_is_reported_and_ends_no_run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sockets, "REPLY_TIMEOUT", 0.1)
@@ -430,14 +430,14 @@ def test_a_release_that_is_not_answered_is_told_and_ends_nothing(
     assert "1: a run: hangs" in told.out
 
 
-def test_a_name_that_no_run_has_is_told_beside_one_that_has(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_run_name_is_reported_beside_a_known_one(capsys: pytest.CaptureFixture[str]) -> None:
     with Answering(lambda _: {"result": {"parts": ["base"], "stops": 1}}):
         told = command(capsys, "stop", "driving", "typo", "1")
     assert told.out == "1: driving on r: stopped (base)\n".replace("1:", f"{os.getpid()}:")
     assert (told.code, told.err) == (1, "no run typo: `mission stop --list` lists the runs\n")
 
 
-def test_a_stop_without_threads_asks_one_after_another(
+def test_stop_without_threads_runs_sequentially(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse(thread: Thread) -> None:
@@ -448,7 +448,7 @@ def test_a_stop_without_threads_asks_one_after_another(
         assert "stopped (base)" in command(capsys, "stop").out
 
 
-def test_the_exit_code_tells_of_a_doubt_that_nobody_reads(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_exit_code_reports_an_uncertain_stop_without_output(monkeypatch: pytest.MonkeyPatch) -> None:
     def gone(*_: object, **__: object) -> None:
         raise BrokenPipeError
 
@@ -461,7 +461,7 @@ def test_the_exit_code_tells_of_a_doubt_that_nobody_reads(monkeypatch: pytest.Mo
         monkeypatch.undo()
 
 
-def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_connection_made_during_a_stop_is_stopped(monkeypatch: pytest.MonkeyPatch) -> None:
     def searched(*, thorough: bool = True) -> SearchResult:
         found = search_runs(thorough=thorough)
         if thorough:  # that of a stop
@@ -483,7 +483,7 @@ def test_a_connection_that_is_made_while_a_stop_searches_is_stopped_as_well(monk
         assert asyncio.run(stop()) == {"1": {"parts": ["base"], "stops": 1}}
 
 
-def test_a_studio_that_cannot_look_says_so_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_studio_that_cannot_search_reports_the_reason(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*, thorough: bool) -> SearchResult:
         raise RuntimeError(f"no threads are left, {thorough}")
 

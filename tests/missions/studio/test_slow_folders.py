@@ -74,9 +74,7 @@ def test_a_stop_reaches_a_run_at_once_though_every_folder_hangs(tmp_path: Path) 
         assert process.process.poll() is None
 
 
-def test_a_run_that_does_not_answer_by_name_is_asked_by_its_file_before_any_signal(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_run_is_tried_by_its_socket_file_before_any_signal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     tried = []
     connect = RunConnection.open
 
@@ -95,9 +93,7 @@ def test_a_run_that_does_not_answer_by_name_is_asked_by_its_file_before_any_sign
         assert process.process.poll() is None
 
 
-def test_a_run_that_fails_to_answer_by_one_way_is_asked_by_another(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_request_is_tried_over_another_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ask = RunConnection.request
     failed: list[object] = []
 
@@ -114,7 +110,7 @@ def test_a_run_that_fails_to_answer_by_one_way_is_asked_by_another(
 
 
 @pytest.mark.real_time
-def test_a_run_keeps_its_sockets_and_hears_others_while_its_folders_hang() -> None:
+def test_run_keeps_its_sockets_while_folders_hang() -> None:
     selector = selectors.DefaultSelector()
     mine = RunMessage(run=str(os.getpid()), pid=os.getpid(), mission="m", robot="r", simulated="", began=0.0)
     endpoint = Endpoint(selector, mine)
@@ -132,7 +128,7 @@ def test_a_run_keeps_its_sockets_and_hears_others_while_its_folders_hang() -> No
     selector.close()
 
 
-def test_what_a_hanging_folder_holds_is_a_doubt_and_no_other_folder_is_left_out() -> None:
+def test_hanging_folder_makes_stop_uncertain_and_others_are_searched() -> None:
     first, *_ = roots()
     process = identity_of(os.getpid())
     assert process is not None
@@ -145,7 +141,7 @@ def test_what_a_hanging_folder_holds_is_a_doubt_and_no_other_folder_is_left_out(
         (place.folder / "newest.stop").unlink(missing_ok=True)
 
 
-def test_no_second_call_is_made_on_a_folder_while_one_hangs_and_then_it_is_used_again(tmp_path: Path) -> None:
+def test_hung_folder_gets_one_call_and_is_used_again_afterwards(tmp_path: Path) -> None:
     over, calls = Event(), []
 
     def work() -> str:

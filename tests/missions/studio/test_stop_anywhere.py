@@ -408,7 +408,7 @@ def comes_to_rest(base: LoneBase) -> bool:
 
 
 @pytest.mark.parametrize("combination", tried(), ids=lambda each: each.name)
-def test_a_stop_that_is_told_has_happened(
+def test_reported_stop_has_happened_in_any_combination(
     combination: Combination, tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     with world_of(combination, tmp_path) as world:

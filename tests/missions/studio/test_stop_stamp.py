@@ -42,7 +42,7 @@ def brief(folder: Path) -> str:
 
 
 @pytest.mark.parametrize("stopped", [True, False])
-def test_a_run_that_started_before_a_stop_ends_before_it_begins(
+def test_run_that_started_before_a_stop_ends_before_it_begins(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], *, stopped: bool
 ) -> None:
     if not stopped:
@@ -59,9 +59,7 @@ def test_a_run_that_started_before_a_stop_ends_before_it_begins(
     assert ("`mission stop` was typed while this was loading" in error) is stopped
 
 
-def test_a_command_by_hand_that_started_before_a_stop_moves_nothing(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_command_that_started_before_a_stop_moves_no_part(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     with loading(tmp_path, "head", "look", "--pan", "20", "--simulate") as (process, gate):
         command(capsys, "stop")
         gate.write_text("go on")
@@ -69,7 +67,7 @@ def test_a_command_by_hand_that_started_before_a_stop_moves_nothing(
     assert (process.returncode, "while this was loading" in error) == (3, True), error
 
 
-def test_a_stop_of_one_run_leaves_no_stamp_for_others() -> None:
+def test_stop_of_one_run_leaves_no_stamp_for_others() -> None:
     for place in run_folders():
         (place.folder / STAMP_FILE).unlink(missing_ok=True)
     send_to_all([{"do": "stop"}], "a test", ["greet"])
@@ -100,7 +98,7 @@ def test_a_damaged_stamp_stops_nothing(damage: str) -> None:
     assert not was_stopped_since(own)
 
 
-def test_a_stop_that_no_folder_can_note_is_a_doubt(
+def test_stop_without_a_writable_stamp_is_uncertain(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def fail(*_: object) -> None:
@@ -111,7 +109,7 @@ def test_a_stop_that_no_folder_can_note_is_a_doubt(
     assert (stopped.code, "perhaps not stopped" in stopped.err) == (1, True)
 
 
-def test_stamps_that_are_written_at_the_same_time_do_not_collide() -> None:
+def test_concurrent_stamps_do_not_collide() -> None:
     with ThreadPoolExecutor(8) as threads:
         written = [threads.submit(write_stamp) for _ in range(200)]
     assert [each.exception() for each in written] == [None] * 200

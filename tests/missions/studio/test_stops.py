@@ -84,7 +84,7 @@ def studio_of(folder: Path, launcher: RunLauncher | None = None) -> Studio:
     return Studio(AuditLog(folder / "log"), launcher or RunLauncher(record=False), cast("Any", None), StudioAccess())
 
 
-def test_however_many_ask_for_it_a_stop_that_is_on_its_way_is_followed_by_one_more(tmp_path: Path, number: str) -> None:
+def test_concurrent_stops_are_merged_into_one_more(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
         async with run.served(), studio.hub:
@@ -123,9 +123,7 @@ class Leaving:
 
 
 @pytest.mark.parametrize("which", ["", "one"])
-def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_once(
-    tmp_path: Path, number: str, which: str
-) -> None:
+def test_stop_is_sent_and_logged_although_its_client_has_left(tmp_path: Path, number: str, which: str) -> None:
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
         run.answers.set()
@@ -142,7 +140,7 @@ def test_a_stop_is_done_and_written_down_although_who_asked_for_it_has_gone_at_o
     asyncio.run(asyncio.wait_for(work(), 10.0))
 
 
-def test_another_press_that_shares_the_way_of_a_copy_of_the_first_is_another_stop(tmp_path: Path, number: str) -> None:
+def test_another_press_is_another_stop(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio = StandInRun(number), studio_of(tmp_path)
         async with run.served(), studio.hub:
@@ -160,7 +158,7 @@ def test_another_press_that_shares_the_way_of_a_copy_of_the_first_is_another_sto
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
 
 
-def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: Path, number: str) -> None:
+def test_client_that_does_not_read_does_not_delay_the_run_list(tmp_path: Path, number: str) -> None:
     async def work() -> None:
         run, studio, deaf = StandInRun(number), studio_of(tmp_path), Deaf()
         run.answers.set()
@@ -177,7 +175,7 @@ def test_a_client_that_reads_nothing_keeps_no_new_run_from_the_others(tmp_path: 
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
 
 
-def test_a_run_that_is_being_started_does_not_begin_after_a_stop(tmp_path: Path) -> None:
+def test_starting_run_does_not_begin_after_a_stop(tmp_path: Path) -> None:
     launcher = RunLauncher(record=False, command=(sys.executable, "-c", "import time; time.sleep(1000)"))
     studio = studio_of(tmp_path, launcher)
 
@@ -197,7 +195,7 @@ def test_a_run_that_is_being_started_does_not_begin_after_a_stop(tmp_path: Path)
     asyncio.run(asyncio.wait_for(work(), PATIENCE))
 
 
-def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_files_do_not_block_other_reads(monkeypatch: pytest.MonkeyPatch) -> None:
     async def work() -> None:
         hanging = [asyncio.create_task(reader._work(cast("Any", time.sleep), cast("Any", 1000.0))) for _ in range(3)]
         for each in hanging:
@@ -214,7 +212,7 @@ def test_files_that_take_too_long_to_read_keep_no_others_from_being_read(monkeyp
         reader.close()
 
 
-def test_a_viewer_who_floods_the_log_pushes_nothing_out_of_it(tmp_path: Path) -> None:
+def test_viewer_flooding_the_audit_log_displaces_no_entry(tmp_path: Path) -> None:
     clock = ManualClock()
     audit = AuditLog(tmp_path / "log", clock=clock)
     audit.write("operator 1", "operator", {"do": "start"}, "ok")
@@ -229,7 +227,7 @@ def test_a_viewer_who_floods_the_log_pushes_nothing_out_of_it(tmp_path: Path) ->
     assert lines[-1]["unwritten"] == 99_980
 
 
-def test_a_press_of_stop_is_written_once_by_however_many_ways_it_comes(tmp_path: Path) -> None:
+def test_one_press_of_stop_is_logged_once(tmp_path: Path) -> None:
     studio = studio_of(tmp_path)
     for number, press in ((1, "a"), (2, "a"), (3, "b"), (3, ""), (3, "")):
         client = ClientSession(cast("Any", Deaf()), "viewer", f"viewer {number}", studio)
@@ -239,7 +237,7 @@ def test_a_press_of_stop_is_written_once_by_however_many_ways_it_comes(tmp_path:
     assert not any("press" in each for each in lines)
 
 
-def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_socket_path_exists_only_while_the_socket_listens(monkeypatch: pytest.MonkeyPatch) -> None:
     path = sockets.socket_path(str(os.getpid()))
     there = []
     listen = socket.socket.listen
@@ -255,7 +253,7 @@ def test_the_socket_of_a_run_is_there_once_somebody_listens_and_not_before(monke
     path.unlink()
 
 
-def test_a_socket_of_a_process_that_lives_is_not_taken_away() -> None:
+def test_socket_of_a_living_process_is_not_removed() -> None:
     path = sockets.socket_path(str(os.getpid()))
     with socket.socket(socket.AF_UNIX) as bound:
         bound.bind(str(path))

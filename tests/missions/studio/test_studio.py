@@ -60,7 +60,7 @@ def driver(served: Served, process: Process, ends: ExitStack) -> Driver:
 
 
 @pytest.mark.real_time
-def test_the_base_rests_when_its_driver_falls_silent_and_when_its_websocket_is_closed(
+def test_base_rests_when_its_driver_is_silent_or_its_websocket_closes(
     scene: tuple[Served, Process, LoneBase],
 ) -> None:
     served, process, base = scene
@@ -73,7 +73,7 @@ def test_the_base_rests_when_its_driver_falls_silent_and_when_its_websocket_is_c
 
 
 @pytest.mark.real_time
-def test_the_base_rests_and_the_run_goes_on_when_the_studio_is_stopped_or_killed(tmp_path: Path) -> None:
+def test_base_rests_and_the_run_continues_when_the_studio_dies(tmp_path: Path) -> None:
     with run_of(tmp_path) as (process, base):
         for number in (signal.SIGSTOP, signal.SIGKILL):
             with studio() as served, ExitStack() as ends:
@@ -113,7 +113,7 @@ def test_a_viewer_stops_and_an_operator_releases(served: Served, tmp_path: Path)
         assert served.operator not in log
 
 
-def test_one_drives_at_a_time_and_hands_over_when_asked(scene: tuple[Served, Process, LoneBase]) -> None:
+def test_one_client_drives_and_hands_over_on_request(scene: tuple[Served, Process, LoneBase]) -> None:
     served, process, _ = scene
     with ExitStack() as ends:
         first = driver(served, process, ends)
@@ -129,7 +129,7 @@ def test_one_drives_at_a_time_and_hands_over_when_asked(scene: tuple[Served, Pro
         assert other.take()
 
 
-def test_a_run_that_is_killed_is_told_to_be_over_without_a_word(served: Served, tmp_path: Path) -> None:
+def test_killed_run_is_reported_as_over_without_a_result(served: Served, tmp_path: Path) -> None:
     with simulated_run(tmp_path) as process, served.client(served.viewer) as client:
         client.hear_of(run := str(process.process.pid))
         client.ask("watch", run=run)
@@ -189,7 +189,7 @@ def test_a_task_is_added_moved_and_cancelled(served: Served) -> None:
         assert client.ask("cancel_task", task=number)["error"] == "bad_task"
 
 
-def test_a_studio_beside_a_run_ends_with_it(tmp_path: Path) -> None:
+def test_studio_beside_a_run_ends_with_the_run(tmp_path: Path) -> None:
     path = tmp_path / "brief.yaml"
     path.write_text("mission: brief\ntree:\n  wait: 1000 s\n", encoding="utf-8")
     process = Process("run", str(path), "--studio")
@@ -200,7 +200,7 @@ def test_a_studio_beside_a_run_ends_with_it(tmp_path: Path) -> None:
         socket.create_connection(("127.0.0.1", port))
 
 
-def test_a_stop_waits_for_no_client_that_reads_nothing(served: Served, tmp_path: Path) -> None:
+def test_stop_does_not_wait_for_clients_that_do_not_read(served: Served, tmp_path: Path) -> None:
     """How quick it is beside eight clients, ``tests.benchmarks.pressing`` measures."""
     with simulated_run(tmp_path) as process, ExitStack() as ends:
         run = str(process.process.pid)

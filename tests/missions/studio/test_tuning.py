@@ -61,7 +61,7 @@ def test_trims_speeds_and_the_limits_of_joints_may_be_changed(tuning: TunableVal
     assert not any(each["tuned"] for each in found.values())
 
 
-def test_a_base_goes_no_faster_than_it_was_tuned_to(tuning: TunableValues, runner: Runner) -> None:
+def test_tuned_base_stays_within_the_new_speed(tuning: TunableValues, runner: Runner) -> None:
     base = runner.assembled_robot.devices["base"]
     assert isinstance(base, Limitable)
     told = tuning.tune("base.max_speed", 0.2)
@@ -74,7 +74,7 @@ def test_a_base_goes_no_faster_than_it_was_tuned_to(tuning: TunableValues, runne
     assert base.limits.speed == 0.5
 
 
-def test_an_arm_goes_no_farther_and_no_faster_than_it_was_tuned_to(tuning: TunableValues, runner: Runner) -> None:
+def test_tuned_arm_stays_within_the_new_limits(tuning: TunableValues, runner: Runner) -> None:
     arm: Any = runner.assembled_robot.devices["arm"]
     tuning.tune("arm.joints.elbow.upper", radians(60))
     tuning.tune("arm.joints.elbow.speed", radians(30))
@@ -142,7 +142,7 @@ def running(file: Path) -> Iterator[str]:
         process.end()
 
 
-def test_what_was_tuned_is_written_into_the_file_and_every_comment_stays(served: Served, file: Path) -> None:
+def test_tuned_values_are_written_to_the_robot_file_with_comments_kept(served: Served, file: Path) -> None:
     before = file.read_text(encoding="utf-8")
     with running(file) as run, served.client(served.operator) as client:
         for name, value in (
@@ -165,9 +165,7 @@ def test_what_was_tuned_is_written_into_the_file_and_every_comment_stays(served:
     assert file.read_text(encoding="utf-8") == wanted.replace("limits: [0 deg, 130 deg]", "limits: [0 deg, 120 deg]")
 
 
-def test_who_looks_at_the_robot_in_the_page_trims_its_head_and_keeps_that(
-    browser: Browser, served: Served, file: Path
-) -> None:
+def test_head_is_trimmed_on_the_page_and_written_to_the_file(browser: Browser, served: Served, file: Path) -> None:
     with running(file):
         page = Page(browser, served, view="#robot")
         page.wait_for("mine", "Base", "elbow", "Trims and limits")

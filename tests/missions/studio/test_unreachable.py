@@ -22,7 +22,7 @@ def mission_in(folder: Path, text: str = BRIEF) -> str:
     return str(path)
 
 
-def test_a_run_without_a_runtime_folder_has_its_socket_in_the_state_folder(
+def test_run_without_a_runtime_folder_uses_the_state_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "missiontree").write_text("no folder", encoding="utf-8")
@@ -31,7 +31,7 @@ def test_a_run_without_a_runtime_folder_has_its_socket_in_the_state_folder(
     assert (ran.code, ran.err) == (0, "")
 
 
-def test_a_simulated_run_without_any_folder_says_so_and_goes_on(
+def test_simulated_run_without_any_folder_warns_and_continues(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nowhere(tmp_path, monkeypatch)
@@ -62,7 +62,7 @@ def test_a_run_without_any_socket_is_still_found(
     assert found_of(os.getpid()) == []
 
 
-def test_a_robot_is_not_moved_where_no_stop_reaches_the_run_unless_the_user_says_so(
+def test_robot_that_no_stop_can_reach_is_moved_only_with_permission(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     nowhere(tmp_path, monkeypatch)
@@ -81,7 +81,7 @@ def test_a_robot_is_not_moved_where_no_stop_reaches_the_run_unless_the_user_says
         assert base.seen().top > 0.0
 
 
-def test_a_path_that_is_too_long_for_a_socket_does_as_well(
+def test_overlong_socket_path_is_replaced(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     folder = tmp_path / ("x" * 150)

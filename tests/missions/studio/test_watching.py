@@ -98,9 +98,7 @@ def watched(work: Callable[[ToldRun, RunFeed, ManualClock], Awaitable[None]]) ->
 
 
 @watched
-async def test_a_run_tells_all_who_watch_it_over_one_connection(
-    run: ToldRun, watching: RunFeed, clock: ManualClock
-) -> None:
+async def test_all_watchers_of_a_run_share_one_connection(run: ToldRun, watching: RunFeed, clock: ManualClock) -> None:
     del clock
     lookers = [Looking(watching) for _ in range(3)]
     for each in lookers:
@@ -114,7 +112,7 @@ async def test_a_run_tells_all_who_watch_it_over_one_connection(
 
 
 @watched
-async def test_who_takes_nothing_keeps_nothing_from_the_others_and_hears_the_newest_in_one(
+async def test_slow_watcher_does_not_delay_others_and_gets_merged_states(
     run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock
@@ -130,7 +128,7 @@ async def test_who_takes_nothing_keeps_nothing_from_the_others_and_hears_the_new
 
 
 @watched
-async def test_the_run_is_asked_for_what_all_together_watch_and_for_less_when_one_leaves(
+async def test_run_is_sent_the_combined_wishes_of_all_watchers(
     run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock
@@ -150,9 +148,7 @@ async def test_the_run_is_asked_for_what_all_together_watch_and_for_less_when_on
 
 
 @watched
-async def test_a_picture_is_seen_when_one_has_seen_it_and_a_client_that_is_gone_holds_up_none(
-    run: ToldRun, watching: RunFeed, clock: ManualClock
-) -> None:
+async def test_picture_counts_as_seen_by_the_first_watcher(run: ToldRun, watching: RunFeed, clock: ManualClock) -> None:
     quick, slow = Looking(watching), FeedClient(watching)
     await watching.watch(slow, WatchCommand(run=RUN, pictures=10.0))
     run.tell(say="picture", run=RUN, t=0.5, jpeg="")
@@ -173,7 +169,7 @@ async def test_a_picture_is_seen_when_one_has_seen_it_and_a_client_that_is_gone_
 
 
 @watched
-async def test_who_watches_a_run_that_dies_hears_that_it_is_over(
+async def test_watcher_of_a_dying_run_is_sent_that_the_run_is_over(
     run: ToldRun, watching: RunFeed, clock: ManualClock
 ) -> None:
     del clock

@@ -60,18 +60,18 @@ def refused(error: str, action: Callable[[], None]) -> str:
     return str(found.value)
 
 
-def test_nobody_drives_who_has_not_taken_the_wheels(driving: Driving) -> None:
+def test_drive_without_the_wheels_is_refused(driving: Driving) -> None:
     assert refused("no_wheels", driving.drive) == "no client has the wheels"
     assert driving.commands == []
 
 
-def test_who_has_the_wheels_drives_at_the_pace_chosen(driving: Driving) -> None:
+def test_driver_drives_at_the_chosen_pace(driving: Driving) -> None:
     assert driving.wheels.take("Ada", "Ada")
     driving.drive()
     assert driving.commands == [(Source.TELEOP, Velocity(0.5 * driving.base.limits.speed, 0.0))]
 
 
-def test_the_second_one_asks_and_gets_them_when_they_are_given(driving: Driving) -> None:
+def test_second_client_waits_until_the_wheels_are_given(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     assert not driving.wheels.take("Bob", "Bob")
     assert (driving.wheels.driver, driving.wheels.waiting_names) == ("Ada", ["Bob"])
@@ -82,7 +82,7 @@ def test_the_second_one_asks_and_gets_them_when_they_are_given(driving: Driving)
     assert refused("no_wheels", driving.drive) == "Bob drives"
 
 
-def test_the_base_stops_when_its_driver_goes(driving: Driving) -> None:
+def test_base_stops_when_its_driver_gives_the_wheels(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.drive()
     driving.wheels.give("Ada")
@@ -138,7 +138,7 @@ def test_the_base_stops_once_the_newest_state_is_too_old_whether_commands_go_on_
     refused("let_go", driving.drive)
 
 
-def test_stamps_that_were_not_issued_are_refused_whatever_they_are(driving: Driving) -> None:
+def test_forged_stamps_are_refused(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.drive()
     newest = driving.wheels.stamp()
@@ -149,7 +149,7 @@ def test_stamps_that_were_not_issued_are_refused_whatever_they_are(driving: Driv
         assert driving.stands
 
 
-def test_a_stamp_older_than_that_of_the_last_command_is_refused(driving: Driving) -> None:
+def test_stamp_older_than_that_of_the_last_command_is_refused(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     older = driving.wheels.stamp()
     driving.clock.advance(0.1)
@@ -177,7 +177,7 @@ def test_an_old_state_keeps_the_head_still_too_and_stops_the_base(driving: Drivi
     assert not driving.head.commands
 
 
-def test_a_driver_who_takes_the_wheels_anew_has_them_at_rest(driving: Driving) -> None:
+def test_taking_the_wheels_again_stops_the_base(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.drive()
     driving.wheels.take("Ada", "Ada")
@@ -205,7 +205,7 @@ def test_after_a_lost_link_one_has_to_let_go_before_the_base_obeys_again(driving
     assert not driving.stands
 
 
-def test_who_waits_with_the_stick_let_go_loses_nothing(driving: Driving) -> None:
+def test_driver_may_pause_with_the_stick_released(driving: Driving) -> None:
     driving.wheels.take("Ada", "Ada")
     driving.clock.advance(10.0)
     driving.drive()
@@ -229,7 +229,7 @@ def test_the_head_turns_on_as_long_as_the_stick_is_pushed(driving: Driving) -> N
     assert pans[1] - pans[0] == pytest.approx(0.05 * 1.047, rel=0.01)
 
 
-def test_a_robot_without_a_base_says_so() -> None:
+def test_wheels_without_a_base_are_refused() -> None:
     wheels = WheelArbiter(None, None, ManualClock())
     with pytest.raises(BadMessage, match="no base"):
         wheels.take("Ada", "Ada")

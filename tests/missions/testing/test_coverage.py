@@ -60,7 +60,7 @@ def lacks(found: FileCoverage) -> dict[int, str]:
     return {node.line: node.describe_gaps() for node in found.nodes if node.describe_gaps()}
 
 
-def test_a_branch_that_was_not_taken_and_an_end_that_was_not_seen_are_told(folder: Path) -> None:
+def test_unreached_branches_and_outcomes_are_reported(folder: Path) -> None:
     found = tried(folder)
     assert (found.file, found.ticked_count, len(found.nodes)) == ("door.yaml", 5, 7)
     assert lacks(found)[9] == "never reached"
@@ -89,7 +89,7 @@ class Reader(HTMLParser):
             self.marked.append((dict(attrs).get("class"), dict(attrs).get("title")))
 
 
-def test_the_page_marks_each_line_by_how_far_it_was_tried(folder: Path) -> None:
+def test_coverage_page_marks_each_line(folder: Path) -> None:
     (folder / "door.test.yaml").write_text(TESTS + MORE)
     text = coverage_page([tried(folder)])
     reader = Reader()
@@ -103,13 +103,13 @@ def test_the_page_marks_each_line_by_how_far_it_was_tried(folder: Path) -> None:
     assert "http" not in text
 
 
-def test_a_mission_that_is_gone_costs_its_lines_only(folder: Path) -> None:
+def test_deleted_mission_file_is_noted_on_the_coverage_page(folder: Path) -> None:
     found = tried(folder)
     (folder / "door.yaml").unlink()
     assert "can no longer be read" in coverage_page([found])
 
 
-def test_the_page_says_nothing_of_the_machine_that_it_was_made_on_and_can_be_read_by_night(folder: Path) -> None:
+def test_coverage_page_has_no_absolute_paths_and_a_dark_mode(folder: Path) -> None:
     (folder / "own").mkdir()
     here = [FileCoverage(str(folder / name), []) for name in ("door.yaml", "own/step.yaml")]
     text = coverage_page([*here, FileCoverage(str(shipped_missions()["motions/square"]), [])])
@@ -120,7 +120,7 @@ def test_the_page_says_nothing_of_the_machine_that_it_was_made_on_and_can_be_rea
 
 
 @pytest.mark.usefixtures("here")
-def test_the_command_tells_and_writes_it(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_coverage_is_printed_and_written_as_a_page(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     outcome = command(capsys, "test", "door", "--coverage", "--coverage-page", "tried.html")
     assert outcome.code == 0
     assert "door.yaml:9: say: never reached" in outcome.out

@@ -81,7 +81,7 @@ def drawn(seed: int) -> FailsafeSetting:
 
 
 @pytest.mark.parametrize("first", range(0, SETTINGS, 10))
-def test_the_page_says_what_the_real_driver_does_with_a_virtual_kobuki(first: int) -> None:
+def test_failsafe_scenario_matches_the_driver_with_a_virtual_kobuki(first: int) -> None:
     for seed in range(first, first + 10):
         setting = drawn(seed)
         page, wire = lasting(list(run_scenario(setting))), lasting(on_the_wire(setting))
@@ -92,7 +92,7 @@ def test_the_page_says_what_the_real_driver_does_with_a_virtual_kobuki(first: in
 
 @pytest.mark.parametrize("fault", ["something 2 cm ahead for 2 s", "no scans for 4 s"])
 @pytest.mark.parametrize("wish", ["ahead", "back"])
-def test_what_the_range_guard_does_is_the_same_over_the_wire(fault: str, wish: str) -> None:
+def test_range_guard_behaves_the_same_over_the_wire(fault: str, wish: str) -> None:
     setting = FailsafeSetting(fault=fault, wish=wish)
     page, wire = lasting(list(run_scenario(setting))), lasting(on_the_wire(setting))
     assert [each.compared_fields for each in page] == [each.compared_fields for each in wire]

@@ -160,12 +160,12 @@ DID_NOT: list[tuple[str, list[object], str]] = [
 
 
 @pytest.mark.parametrize(("key", "values"), CAME_TRUE)
-def test_what_came_true_is_no_miss(key: str, values: list[object], history: CaseHistory) -> None:
+def test_fulfilled_expectation_is_no_miss(key: str, values: list[object], history: CaseHistory) -> None:
     assert misses(history, key, *values) == []
 
 
 @pytest.mark.parametrize(("key", "values", "seen"), DID_NOT)
-def test_what_did_not_come_true_is_told_with_what_was_seen(
+def test_unfulfilled_expectation_shows_the_actual_result(
     key: str, values: list[object], seen: str, history: CaseHistory
 ) -> None:
     assert seen in misses(history, key, *values)[0]
@@ -176,7 +176,7 @@ def test_every_key_is_proved_to_come_true_and_to_fail() -> None:
     assert {key for key, _, _ in DID_NOT} | {"base"} == CHECKS.keys(), "for the base, see below"
 
 
-def test_a_base_that_moves_in_the_end_must_at_least_have_been_told_to_stop(history: CaseHistory) -> None:
+def test_base_must_be_sent_a_stop_before_the_end(history: CaseHistory) -> None:
     history.is_moving = True
     assert misses(history, "base", "stopped") == ["the base was still moving when the mission ended"]
     history(CommandSent(2.9, 1, "base", "drive (1.4)", {"linear": 0.2, "angular": 0.0}))
@@ -195,7 +195,7 @@ def test_misses_come_in_the_order_of_the_file(history: CaseHistory) -> None:
     assert [mark.line for mark, _ in check_expectations(expectations, history)] == [7, 9]
 
 
-def test_a_run_that_never_ended_is_an_error() -> None:
+def test_run_without_an_end_is_an_error() -> None:
     assert misses(CaseHistory(), "result", "success") == ["the result was error: the run did not end"]
     assert misses(CaseHistory(), "within", 1.0)
     assert misses(CaseHistory(), "pose", PoseTarget(0.0, 0.0)) == ["the robot has no base"]

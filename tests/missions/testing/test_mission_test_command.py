@@ -116,7 +116,7 @@ def read(xml: bytes) -> ET.Element:
 
 
 @pytest.mark.usefixtures("here")
-def test_a_failure_shows_its_line_and_what_was_seen_instead(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_failed_case_shows_its_line_and_the_actual_result(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "test", "--junit", "report.xml")
     assert outcome.code == FAILURE
@@ -153,7 +153,7 @@ def test_a_failure_shows_its_line_and_what_was_seen_instead(folder: Path, capsys
 
 
 @pytest.mark.usefixtures("here")
-def test_cases_can_be_chosen_and_told_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_cases_are_selected_by_name_and_printed_as_json(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "test", "nap", "-k", "A SECOND", "--json")
     assert outcome.code == SUCCESS
@@ -175,7 +175,7 @@ def test_after_the_first_failure_nothing_new_begins(tmp_path: Path, capsys: pyte
     assert "0 passed, 1 failed, 19 not run" in outcome.out
 
 
-def test_mistakes_of_all_files_are_told_and_nothing_is_played(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_faults_of_all_files_are_reported_and_no_case_runs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     write(folder, {"a.test.yaml": "tests: nap\ncases: []\n", "b.test.yaml": "tests: nob\ncases: []\n"})
     outcome = command(capsys, "test")
     assert outcome.code == USAGE
@@ -184,7 +184,7 @@ def test_mistakes_of_all_files_are_told_and_nothing_is_played(folder: Path, caps
     assert "b.test.yaml:1:8: unknown mission 'nob'" in outcome.err
 
 
-def test_a_process_that_ends_itself_is_found_out_and_the_others_are_played(tmp_path: Path) -> None:
+def test_case_that_ends_its_process_fails_and_others_run(tmp_path: Path) -> None:
     write(
         tmp_path,
         {
@@ -231,7 +231,7 @@ def test_ctrl_c_ends_all_processes_at_once(tmp_path: Path) -> None:
     assert errors.strip() == "mission: interrupted"
 
 
-def test_verdicts_from_other_processes_say_all_that_they_say_in_this_one(tmp_path: Path) -> None:
+def test_verdicts_of_worker_processes_are_complete(tmp_path: Path) -> None:
     (case,) = cases(tmp_path, WAITS, "expect: {result: failure}")
     (verdict,) = play_all([case], jobs=4)
     assert seen(verdict) == ["the result was success"]
@@ -268,7 +268,7 @@ def test_check_reads_tests_too_and_no_mission_is_mistaken_for_one(
     assert not [name for name in shipped_missions() if name.endswith(".test")]
 
 
-def test_what_xml_cannot_hold_is_replaced(tmp_path: Path) -> None:
+def test_characters_invalid_in_xml_are_replaced(tmp_path: Path) -> None:
     (case,) = cases(tmp_path, WAITS, "expect: {result: success}")
     report = read(junit([CaseVerdict(case, error="bell \x07 and half \ud800\nValueError: \x00")]))
     (error,) = report.iter("error")
@@ -278,7 +278,7 @@ def test_what_xml_cannot_hold_is_replaced(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("here")
-def test_a_report_that_cannot_be_written_is_told(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unwritable_junit_report_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = command(capsys, "test", "-k", "second", "--junit", "nowhere/report.xml")
     assert outcome.code == USAGE
@@ -297,7 +297,7 @@ cases:
 """
 
 
-def test_the_examples_of_the_docs_pass_and_fail_as_printed_there(
+def test_examples_of_the_docs_give_the_printed_output(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     docs = (Path(__file__).parents[3] / "docs" / "testing.md").read_text(encoding="utf-8")

@@ -67,7 +67,7 @@ def moment(text: str) -> EventSpec:
         ("runs once, then succeeds", [RUNS, MockTurn("success")]),
     ],
 )
-def test_a_script_reads_as_it_is_said(text: str, turns: list[MockTurn]) -> None:
+def test_mock_script_is_parsed(text: str, turns: list[MockTurn]) -> None:
     assert script(text) == tuple(turns)
 
 
@@ -125,7 +125,7 @@ def test_every_script_can_be_written_and_read_back(turns: list[MockTurn]) -> Non
         ),
     ],
 )
-def test_a_mishap_reads_as_it_is_said(text: str, expected: FaultSpec) -> None:
+def test_fault_phrase_is_parsed(text: str, expected: FaultSpec) -> None:
     assert mishap(text) == expected
 
 
@@ -141,7 +141,7 @@ def test_a_mishap_reads_as_it_is_said(text: str, expected: FaultSpec) -> None:
         ("arm complains", EventSpec("arm", "complains")),
     ],
 )
-def test_a_moment_reads_as_it_is_said(text: str, expected: EventSpec) -> None:
+def test_event_phrase_is_parsed(text: str, expected: EventSpec) -> None:
     assert moment(text) == expected
 
 
@@ -162,7 +162,7 @@ def test_a_moment_reads_as_it_is_said(text: str, expected: EventSpec) -> None:
         ("succeeds, then", 15, "is missing here"),
     ],
 )
-def test_a_mistake_in_a_script_is_shown_at_its_word(text: str, column: int, message: str) -> None:
+def test_fault_in_a_mock_script_is_marked_at_its_word(text: str, column: int, message: str) -> None:
     words, faults = phrase(text)
     read_script(words)
     (fault,) = faults
@@ -191,7 +191,7 @@ def test_a_mistake_in_a_script_is_shown_at_its_word(text: str, column: int, mess
         ("base lifted when arm moves", 22, "the event of 'arm' cannot be 'moves'"),
     ],
 )
-def test_a_mistake_in_a_mishap_is_shown_at_its_word(text: str, column: int, message: str) -> None:
+def test_fault_in_a_fault_phrase_is_marked_at_its_word(text: str, column: int, message: str) -> None:
     words, faults = phrase(text)
     read_fault(words, known)
     (fault,) = faults
@@ -200,7 +200,7 @@ def test_a_mistake_in_a_mishap_is_shown_at_its_word(text: str, column: int, mess
 
 
 @given(st.text(st.characters(codec="utf-8"), max_size=60))
-def test_nothing_that_is_typed_breaks_a_reader(text: str) -> None:
+def test_phrase_parsers_accept_any_text_without_crashing(text: str) -> None:
     for read in (read_script, lambda words: read_fault(words, known), lambda words: read_event(words, known)):
         words, faults = phrase(text)
         read(words)
@@ -209,7 +209,7 @@ def test_nothing_that_is_typed_breaks_a_reader(text: str) -> None:
             assert str(fault)
 
 
-def test_where_the_file_writes_a_text_otherwise_the_whole_of_it_is_marked() -> None:
+def test_escaped_text_is_marked_as_a_whole() -> None:
     faults: list[Diagnostic] = []
     node = Scalar(Mark(1, 1, 20), "camera frozn", "camera frozn", quoted=True)
     read_fault(Phrase(SourceText("a.yaml", '"camera \\x66rozn"'), node, faults), known)

@@ -146,7 +146,7 @@ returns: {answer: answer}
         ("{result: again, then: {does: succeeds after 2 s, result: stop}}", "after: 2 s, said: [again, stop]"),
     ],
 )
-def test_one_result_follows_another(mock: str, expect: str, tmp_path: Path) -> None:
+def test_mock_returns_one_result_after_another(mock: str, expect: str, tmp_path: Path) -> None:
     body = f"given: [{{listen: {mock}}}], expect: {{result: success, returns: {{answer: stop}}, {expect}}}"
     assert seen(played(tmp_path, DIALOGUE, body)) == []
 

@@ -54,39 +54,39 @@ def outcomes(bench: LeafTestBench, leaf: Leaf, ticks: int, *, after: float = 0.1
     return [bench.tick(leaf, after=after) for _ in range(ticks)]
 
 
-def test_a_mock_takes_its_turns_one_start_after_another_and_stays_with_the_last(bench: LeafTestBench) -> None:
+def test_mock_uses_one_turn_per_start_and_repeats_the_last(bench: LeafTestBench) -> None:
     leaf = mocked(bench, 'fails twice because "stuck", then succeeds')
     assert outcomes(bench, leaf, 2) == [FAILURE, FAILURE]
     assert leaf.reason == "stuck"
     assert outcomes(bench, leaf, 3) == [SUCCESS] * 3
 
 
-def test_a_mock_runs_for_as_many_ticks_or_seconds_as_it_is_told(bench: LeafTestBench) -> None:
+def test_mock_runs_for_the_given_ticks_or_seconds(bench: LeafTestBench) -> None:
     assert outcomes(bench, mocked(bench, "succeeds after 2 ticks"), 3) == [RUNNING, RUNNING, SUCCESS]
     assert outcomes(bench, mocked(bench, "runs for 300 ms, then fails"), 4) == [RUNNING, RUNNING, RUNNING, FAILURE]
 
 
-def test_a_turn_that_was_halted_is_over(bench: LeafTestBench) -> None:
+def test_halted_turn_is_over(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "runs once, then succeeds")
     assert outcomes(bench, leaf, 50) == [RUNNING] * 50
     assert bench.halt(leaf)
     assert outcomes(bench, leaf, 1) == [SUCCESS]
 
 
-def test_all_leaves_that_a_mock_stands_for_share_its_script(bench: LeafTestBench) -> None:
+def test_leaves_of_one_mock_share_its_script(bench: LeafTestBench) -> None:
     cast = MockSubstitution([spec("gesture", "fails, then succeeds")])
     first, second = (bench.put(cast_for(cast, step(GestureLeaf), GestureLeaf("gesture"))) for _ in range(2))
     assert (bench.tick(first), bench.tick(second)) == (FAILURE, SUCCESS)
 
 
-def test_a_mock_may_be_for_one_leaf_by_its_name(bench: LeafTestBench) -> None:
+def test_mock_may_replace_one_leaf_by_name(bench: LeafTestBench) -> None:
     cast = MockSubstitution([spec("wave", "fails")])
     assert bench.tick(bench.put(cast_for(cast, step(GestureLeaf, "wave"), GestureLeaf("wave")))) is FAILURE
     other = GestureLeaf("bow")
     assert cast(step(GestureLeaf, "bow"), other) is other
 
 
-def test_a_mock_claims_what_it_stands_for_and_moves_nothing(bench: LeafTestBench) -> None:
+def test_mock_claims_the_part_of_its_leaf_and_moves_nothing(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "runs")
     assert leaf.claims == {"arm"}
     bench.tick(leaf)
@@ -95,7 +95,7 @@ def test_a_mock_claims_what_it_stands_for_and_moves_nothing(bench: LeafTestBench
     assert bench.arm.commands == []
 
 
-def test_what_a_mock_keeps_is_a_face_where_a_face_is_found(bench: LeafTestBench) -> None:
+def test_mock_of_find_face_stores_a_face(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "succeeds", FindFace, {"id": 7, "yaw": 0.2})
     leaf.output_variable = "person"
     bench.tick(leaf)
@@ -104,7 +104,7 @@ def test_what_a_mock_keeps_is_a_face_where_a_face_is_found(bench: LeafTestBench)
     assert (face.id, face.yaw, face.stamp) == (7, 0.2, bench.clock.now())
 
 
-def test_what_another_mock_keeps_is_what_it_was_told(bench: LeafTestBench) -> None:
+def test_mock_stores_its_given_result(bench: LeafTestBench) -> None:
     leaf = mocked(bench, "fails, then succeeds", Wait, {"count": 3})
     leaf.output_variable = "seen"
     bench.tick(leaf)
@@ -113,7 +113,7 @@ def test_what_another_mock_keeps_is_what_it_was_told(bench: LeafTestBench) -> No
     assert bench.run.variables["seen"] == {"count": 3}
 
 
-def test_a_mocked_mission_that_fails_hands_its_results_back_as_one_that_is_run(bench: LeafTestBench) -> None:
+def test_failing_mocked_mission_returns_its_results(bench: LeafTestBench) -> None:
     for keep_as, kept in ((None, {"gone": 2.0}), ("way", {"way": {"gone": 2.0}})):
         mission = Step("mission", "go", Mark(), SourceText("a", ""), (step(Wait),), text="go", output_variable=keep_as,
                        returns={"gone": Value(1.0)})  # fmt: skip
@@ -136,7 +136,7 @@ def test_the_arguments_of_a_mocked_leaf_are_still_computed(bench: LeafTestBench)
     assert mocked(bench, "succeeds", Set).open_ended
 
 
-def test_a_pattern_stands_for_leaves_and_missions_and_a_name_for_composites() -> None:
+def test_patterns_match_leaves_and_missions_and_names_match_composites() -> None:
     mission = Step("mission", "look for them", Mark(), SourceText("a", ""), text="find_person")
     named, plain = (Step("sequence", name, Mark(), SourceText("a", "")) for name in ("greet them", "sequence"))
     timed = Step("timeout", "greet them", Mark(), SourceText("a", ""), (named,))

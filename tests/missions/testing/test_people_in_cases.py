@@ -51,7 +51,7 @@ def room(tmp_path: Path) -> Path:
         "given: [screen unplugged at 100 ms], expect: {result: success, faults: [screen]}",
     ],
 )
-def test_what_is_expected_comes_true(room: Path, body: str) -> None:
+def test_fulfilled_people_expectations_pass(room: Path, body: str) -> None:
     verdict = played(room, ASKS, f"world: room.yaml, {body}")
     assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last_events]
 
@@ -68,19 +68,19 @@ def test_what_is_expected_comes_true(room: Path, body: str) -> None:
         ("showed: ['??', '']", 'it showed "??"'),
     ],
 )
-def test_what_is_not_so_is_told(room: Path, expect: str, said: str) -> None:
+def test_unfulfilled_people_expectation_shows_the_actual_result(room: Path, expect: str, said: str) -> None:
     verdict = played(room, ASKS, f"world: room.yaml, expect: {{{expect}}}")
     assert said in " ".join(seen(verdict))
 
 
-def test_words_that_are_taken_away_again_are_expected_as_an_empty_text(room: Path) -> None:
+def test_removed_text_is_expected_as_an_empty_text(room: Path) -> None:
     shows = "mission: m\ntree: {sequence: [show: {text: Coffee?, for: 1 s}, wait: 1 s]}\n"
     verdict = played(room, shows, "world: room.yaml, expect: {showed: [Coffee, '']}")
     assert verdict.passed, seen(verdict)
     assert not played(room, shows, "world: room.yaml, expect: {showed: ['', Coffee]}").passed
 
 
-def test_a_screen_that_is_only_wiped_has_shown_nothing(room: Path) -> None:
+def test_clearing_an_empty_screen_shows_nothing(room: Path) -> None:
     wipes = "mission: m\ntree: {show: ''}\n"
     assert played(room, wipes, "world: room.yaml, expect: {showed: []}").passed
     assert played(room, wipes, "world: room.yaml, expect: {showed: ''}").passed
@@ -94,7 +94,7 @@ def test_a_screen_that_is_only_wiped_has_shown_nothing(room: Path) -> None:
         ("{does: succeeds, result: No}", "did you mean 'no'?"),
     ],
 )
-def test_a_mock_hears_only_what_is_listened_for(tmp_path: Path, mock: str, said: str) -> None:
+def test_mock_of_listen_accepts_only_listed_words(tmp_path: Path, mock: str, said: str) -> None:
     mission = "mission: m\ntree: {listen: [yes, no], as: answer}\n"
     with pytest.raises(InvalidFileError) as caught:
         cases(tmp_path, mission, f"given: [{{listen: {mock}}}], expect: {{result: success}}")

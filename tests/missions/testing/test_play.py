@@ -45,7 +45,7 @@ from tests.missions.testing.playing import BLINKS, DRIVES, LOOKS, SPEAKS, TRIES,
         (BLINKS, "eyes: pixels, given: [camera frozen], expect: {result: failure, reason: no face in view}"),
     ],
 )
-def test_what_is_given_happens_and_what_is_expected_comes_true(mission: str, body: str, tmp_path: Path) -> None:
+def test_given_events_happen_and_expectations_pass(mission: str, body: str, tmp_path: Path) -> None:
     verdict = played(tmp_path, mission, body)
     assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last_events]
 
@@ -56,7 +56,7 @@ def test_a_battery_can_be_low(tmp_path: Path) -> None:
     assert played(tmp_path, mission, "given: [base battery at 10 %], expect: {reason: empty}").passed
 
 
-def test_a_verdict_shows_the_line_and_what_happened_last(tmp_path: Path) -> None:
+def test_verdict_shows_the_line_and_the_last_events(tmp_path: Path) -> None:
     verdict = played(tmp_path, SPEAKS, "expect: {said: Three}")
     assert not verdict.passed
     (miss,) = verdict.misses
@@ -92,14 +92,14 @@ def test_run_that_ends_is_not_running(tmp_path: Path) -> None:
     assert seen(verdict) == []
 
 
-def test_a_base_that_drives_for_ever_is_brought_to_rest(tmp_path: Path) -> None:
+def test_base_that_drives_forever_is_stopped_at_the_timeout(tmp_path: Path) -> None:
     mission = "mission: m\ntree: {drive: 10 cm, repeat: forever}\n"
     expect = "{result: running, order: [base moves, drive succeeds, drive halts], base: stopped, faults: []}"
     verdict = played(tmp_path, mission, f"timeout: 4 s, expect: {expect}")
     assert seen(verdict) == []
 
 
-def test_the_same_case_is_the_same_run_and_another_seed_is_another(tmp_path: Path) -> None:
+def test_case_is_reproducible_and_depends_on_its_seed(tmp_path: Path) -> None:
     mission = "mission: m\ntree: {random_sequence: [{say: A}, {say: B}, {say: C}, {say: D}]}\n"
     told = []
     for case in cases(tmp_path, mission, *(f"seed: {seed}, expect: {{result: success}}" for seed in (1, 1, 2))):
@@ -110,7 +110,7 @@ def test_the_same_case_is_the_same_run_and_another_seed_is_another(tmp_path: Pat
     assert told[0] != told[2]
 
 
-def test_a_leaf_that_breaks_fails_and_a_fault_of_our_own_is_an_error(tmp_path: Path) -> None:
+def test_mission_fault_fails_a_case_and_an_internal_error_is_reported(tmp_path: Path) -> None:
     (case,) = cases(tmp_path, WAITS, "expect: {result: success}")
     Path(case.mission).unlink()
     verdict = play(case, limits=IN_PROCESS_LIMITS)
@@ -120,7 +120,7 @@ def test_a_leaf_that_breaks_fails_and_a_fault_of_our_own_is_an_error(tmp_path: P
     assert seen(play(case, limits=IN_PROCESS_LIMITS)) == ["unknown behaviour 'nonsense'"]
 
 
-def test_what_became_of_every_node_is_told_for_coverage(tmp_path: Path) -> None:
+def test_verdict_has_the_statuses_of_every_node(tmp_path: Path) -> None:
     mission = "mission: m\ntree:\n  selector:\n    - wait: 1 s\n      timeout: 500 ms\n    - say: Late\n    - fail\n"
     verdict = played(tmp_path, mission, "expect: {result: success}")
     told = {(node.key, node.kind, node.line): (dict(node.statuses), node.reasons) for node in verdict.nodes}
@@ -230,7 +230,7 @@ def test_conditions_are_mocked_like_any_node(body: str, tmp_path: Path) -> None:
     assert seen(played(tmp_path, CONDITIONS, body)) == []
 
 
-def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
+def test_two_leaves_that_drive_one_part_are_reported() -> None:
     bench = LeafTestBench()
     root = bench.put(DriveLeaf("root"), distance=1.0)
     other = bench.put(DriveLeaf("other"), distance=1.0)
@@ -245,13 +245,13 @@ def test_two_leaves_that_drive_one_part_at_a_time_are_noticed() -> None:
     assert history.claim_conflict == "at 2.00 s root and other both drive the base"
 
 
-def test_an_event_that_was_not_heard_is_no_reason_to_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_lost_events_prevent_a_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(CaseHistory, "_on_tick", lambda *_: 1 / 0)
     verdict = played(tmp_path, WAITS, "expect: {result: success}")
     assert "some events were lost: CaseHistory: division by zero" in verdict.error
 
 
-def test_a_node_starts_before_what_is_inside_it(tmp_path: Path) -> None:
+def test_node_starts_before_its_children(tmp_path: Path) -> None:
     mission = "mission: m\ntree: {sequence: [{say: One}], name: talk}\n"
     order = '[talk starts, say starts, say "One", say succeeds, talk succeeds]'
     assert played(tmp_path, mission, f"expect: {{order: {order}}}").passed

@@ -76,9 +76,7 @@ def lost_tasks(folder: Path, done: list[Call], at: int, chance: Random | None, i
     ]
 
 
-def test_no_task_that_was_acknowledged_is_lost_by_a_power_cut(
-    tmp_path: Path, record_property: Callable[[str, object], None]
-) -> None:
+def test_power_cut_loses_no_acknowledged_task(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
     folder = tmp_path / "state"
     folder.mkdir()
     done = recorded([sys.executable, "-c", QUEUE, str(folder), "12"], folder, tmp_path / "trace")
@@ -99,7 +97,7 @@ def times(path: Path) -> list[float]:
         return []
 
 
-def test_a_record_has_all_that_was_on_the_disk_when_the_power_was_cut(
+def test_power_cut_keeps_the_synced_part_of_a_record(
     tmp_path: Path, record_property: Callable[[str, object], None]
 ) -> None:
     folder = tmp_path / "records"
@@ -119,7 +117,7 @@ def test_a_record_has_all_that_was_on_the_disk_when_the_power_was_cut(
     record_property("figure", f"{CUTS} of a record")
 
 
-def test_a_record_that_was_closed_is_whole_after_a_power_cut(tmp_path: Path) -> None:
+def test_closed_record_survives_a_power_cut(tmp_path: Path) -> None:
     folder = tmp_path / "records"
     folder.mkdir()
     run = [sys.executable, "-m", "missions", "run", "look_around", "--simulate", "fast"]

@@ -70,7 +70,7 @@ def test_the_python_of_the_docs_passes(pytester: pytest.Pytester) -> None:
     pytester.runpytest_inprocess(*ALONE).assert_outcomes(passed=3)
 
 
-def test_a_mission_that_is_run_shows_what_it_did(run_mission: Callable[..., MissionRun], tmp_path: Path) -> None:
+def test_run_mission_returns_commands_events_and_result(run_mission: Callable[..., MissionRun], tmp_path: Path) -> None:
     write(tmp_path, {"m.yaml": "mission: m\nparams: {far: 1 m}\ntree: {sequence: [{say: Off}, {drive: '${far}'}]}\n"})
     ran = run_mission(
         tmp_path / "m.yaml", params={"far": "20 cm"}, world="empty", given=[{"say": "succeeds after 1 s"}]
@@ -85,14 +85,14 @@ def test_a_mission_that_is_run_shows_what_it_did(run_mission: Callable[..., Miss
     assert (again.result, again.reason, again.said) == ("failure", "bumped into something", ["Off"])
 
 
-def test_what_is_wrong_with_an_order_is_told(run_mission: Callable[..., MissionRun]) -> None:
+def test_invalid_run_mission_arguments_are_refused(run_mission: Callable[..., MissionRun]) -> None:
     with pytest.raises(ValueError, match=r"run_mission\('greet'\):\d+:\d+: the fault of the camera cannot be 'frozn'"):
         run_mission("greet", given=["camera frozn"])
     with pytest.raises(ValueError, match="unknown world 'moon'"):
         run_mission("greet", world="moon")
 
 
-def test_the_robot_of_recorders_stands_by_the_clock(robot: LeafTestBench, clock: ManualClock) -> None:
+def test_recorders_store_commands_with_times(robot: LeafTestBench, clock: ManualClock) -> None:
     robot.base.drive(drive(0.2, 0.0))
     clock.advance(1.0)
     robot.base.stop()

@@ -39,7 +39,7 @@ def known(name: str) -> str:
         ),
     ],
 )
-def test_what_befalls_a_base_and_its_range_finder(text: str, read: FaultSpec) -> None:
+def test_base_and_range_faults_are_parsed(text: str, read: FaultSpec) -> None:
     words, faults = phrase(text)
     assert read_fault(words, known) == read
     assert not faults
@@ -55,7 +55,7 @@ def test_what_befalls_a_base_and_its_range_finder(text: str, read: FaultSpec) ->
         ("rang unplugged", 1, "the part with the fault cannot be 'rang'", "did you mean 'range'?"),
     ],
 )
-def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, message: str, suggestion: str) -> None:
+def test_mistake_in_a_fault_phrase_is_marked_at_its_word(text: str, column: int, message: str, suggestion: str) -> None:
     words, faults = phrase(text)
     read_fault(words, known)
     (fault,) = faults
@@ -72,7 +72,7 @@ def test_a_mistake_with_a_mishap_is_shown_at_its_word(text: str, column: int, me
         ("range disconnects", EventSpec("range", "disconnects")),
     ],
 )
-def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, read: EventSpec) -> None:
+def test_reflex_event_takes_precedence_over_a_behaviour_name(text: str, read: EventSpec) -> None:
     words, faults = phrase(text)
     assert read_event(words, known) == read
     words.expect_end()
@@ -88,7 +88,7 @@ def test_a_reflex_is_a_moment_even_where_a_behaviour_has_its_name(text: str, rea
         ("bumpr fires", "no 'bumpr'", ""),
     ],
 )
-def test_a_mistake_with_a_moment_says_what_it_can_be(text: str, message: str, suggestion: str) -> None:
+def test_mistake_in_an_event_phrase_lists_the_choices(text: str, message: str, suggestion: str) -> None:
     words, faults = phrase(text)
     read_event(words, known)
     (fault,) = faults
@@ -106,12 +106,12 @@ def test_a_mistake_with_a_moment_says_what_it_can_be(text: str, message: str, su
         "expect: {reflexes: []}",
     ],
 )
-def test_reflexes_that_fired_are_expected(body: str, tmp_path: Path) -> None:
+def test_fired_reflexes_match_the_expectation(body: str, tmp_path: Path) -> None:
     verdict = played(tmp_path, DRIVES, body)
     assert verdict.passed, [*seen(verdict), verdict.error, *verdict.last_events]
 
 
-def test_reflexes_that_did_not_fire_are_missed(tmp_path: Path) -> None:
+def test_unfired_reflexes_are_reported(tmp_path: Path) -> None:
     bumped = "given: [base bumped left at 1 s]"
     assert seen(played(tmp_path, DRIVES, f"{bumped}, expect: {{reflexes: bumper right}}")) == [
         'the reflexes that fired were "bumper left"'
@@ -122,6 +122,6 @@ def test_reflexes_that_did_not_fire_are_missed(tmp_path: Path) -> None:
     assert seen(played(tmp_path, DRIVES, "expect: {reflexes: cliff}")) == ["the reflexes that fired were nothing"]
 
 
-def test_a_reflex_that_there_is_not_is_a_mistake(tmp_path: Path) -> None:
+def test_unknown_reflex_is_refused_with_a_suggestion(tmp_path: Path) -> None:
     with pytest.raises(InvalidFileError, match=r"(?s)unknown reflex 'bumped'.*did you mean 'bumper'\?"):
         cases(tmp_path, DRIVES, "expect: {reflexes: bumped left}")

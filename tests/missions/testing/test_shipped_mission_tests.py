@@ -51,7 +51,7 @@ def decided_again(case: Case, past: Past) -> str:
 
 
 @pytest.mark.parametrize(("name", "first", "step"), shares())
-def test_every_shipped_mission_passes_its_tests_and_decides_the_same_again(
+def test_shipped_missions_pass_their_tests_and_rerun_identically(
     name: str, first: int, step: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     wrong = []
@@ -63,7 +63,7 @@ def test_every_shipped_mission_passes_its_tests_and_decides_the_same_again(
 
 
 @pytest.mark.parametrize("name", shipped_missions())
-def test_every_shipped_mission_is_interrupted_again_as_it_was(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_shipped_missions_rerun_identically(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     case = max(cases_of(name), key=lambda case: case.timeout)
     _, past = past_of_case(replace(case, timeout=INTERRUPTED, eyes="truth"), monkeypatch)
     assert decided_again(case, past) == ""

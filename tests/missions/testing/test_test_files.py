@@ -44,7 +44,7 @@ def one_case(lines: str, *, params: str = "{times: 2}") -> str:
     return f"tests: nod\ncases:\n  - case: it nods\n    params: {params}\n{lines}"
 
 
-def test_a_case_has_its_own_and_what_all_have_in_common(tmp_path: Path) -> None:
+def test_case_combines_its_own_and_common_keys(tmp_path: Path) -> None:
     (tmp_path / "hall.yaml").write_text("world: hall\n", encoding="utf-8")
     first, second = read(
         tmp_path,
@@ -171,7 +171,7 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
         (one_case("", params="{times: 2, tines: 3}"), "4:24: mission 'nod' has no param 'tines'"),
     ],
 )
-def test_a_mistake_is_told_at_its_place(text: str, expected: str, tmp_path: Path) -> None:
+def test_mistake_is_reported_at_its_place(text: str, expected: str, tmp_path: Path) -> None:
     assert any(told.startswith(expected) for told in mistakes(tmp_path, text)), mistakes(tmp_path, text)
 
 
@@ -181,7 +181,7 @@ def test_two_cases_of_one_title_are_a_mistake(tmp_path: Path) -> None:
     assert told == ["4:5: a second case 'a'"]
 
 
-def test_the_mistakes_of_the_mission_itself_are_told_once(tmp_path: Path) -> None:
+def test_faults_of_the_mission_are_reported_once(tmp_path: Path) -> None:
     (tmp_path / "bad.yaml").write_text("mission: bad\ntree: {wiat: 1 s}\n", encoding="utf-8")
     file = tmp_path / "bad.test.yaml"
     case = "{case: %s, expect: {result: success}}"

@@ -42,7 +42,7 @@ def red(width: int) -> Image:
     return np.full((width // 2, width, 3), (0, 0, 255), np.uint8)
 
 
-def test_who_does_not_know_its_link_sees_nothing(page: CameraPage) -> None:
+def test_camera_page_is_reachable_only_by_its_link(page: CameraPage) -> None:
     page.show(red(64), "nobody")
     assert status(page, urlsplit(page.link).path) == 200
     assert [status(page, path) for path in ("/", "/events", "/page.js", "/x/events")] == [404] * 4
@@ -53,7 +53,7 @@ def test_who_does_not_know_its_link_sees_nothing(page: CameraPage) -> None:
     assert not page.has_viewers
 
 
-def test_a_large_picture_is_sent_smaller_and_the_end_is_told(page: CameraPage) -> None:
+def test_large_picture_is_scaled_and_the_end_is_sent(page: CameraPage) -> None:
     page.show(red(2 * MAX_PICTURE_WIDTH), "1 face")
     connection, response = ask(page, urlsplit(page.link).path + "events")
     with closing(connection):
@@ -68,7 +68,7 @@ def test_a_large_picture_is_sent_smaller_and_the_end_is_told(page: CameraPage) -
     assert page.link == ""
 
 
-def test_a_browser_shows_the_picture_and_what_was_found(page: CameraPage, browser: Browser) -> None:
+def test_browser_shows_the_picture_and_the_percepts(page: CameraPage, browser: Browser) -> None:
     tab = browser.open(page.link, size=(640, 480))
     wait_until(lambda: page.has_viewers)
     page.show(red(640), "1 face: Anna")

@@ -31,7 +31,7 @@ def test_codes_are_written_out_and_all_else_stays() -> None:
     assert make_all_printable({"log": ["\x1b"], "\x1b": 1}) == {"log": ["\\u001b"], "\\u001b": 1}
 
 
-def test_colours_of_our_own_reach_the_terminal_and_those_in_texts_do_not(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_terminal_keeps_own_colours_and_escapes_those_in_texts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("FORCE_COLOR", "1")
     raw = io.StringIO()
@@ -46,7 +46,7 @@ def test_colours_of_our_own_reach_the_terminal_and_those_in_texts_do_not(monkeyp
     assert written.count("\\u001b]0;owned") == 3  # the live line is drawn twice
 
 
-def test_a_line_that_is_shown_over_another_is_printable_too(capsys: pytest.CaptureFixture[str]) -> None:
+def test_overwritten_line_is_printable(capsys: pytest.CaptureFixture[str]) -> None:
     with use_printable_streams():
         overwrite_line("\x1b[2Jhi")
     assert capsys.readouterr().out in {
@@ -63,7 +63,7 @@ def outputs(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
     return printed.out + printed.err
 
 
-def test_no_command_prints_what_a_terminal_obeys(
+def test_no_command_prints_escape_sequences_of_texts(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

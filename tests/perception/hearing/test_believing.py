@@ -48,7 +48,7 @@ def figures(**others: Any) -> dict[str, float]:
     return acceptance_features(said, clip())
 
 
-def test_the_figures_are_what_they_say() -> None:
+def test_acceptance_figures_match_their_definitions() -> None:
     found = figures()
     assert found["ratio"] == pytest.approx((-1200 + 950) / 30)
     assert found["goodness"] == pytest.approx((0 * 5 - 10 * 10 - 10 * 15) / 30)
@@ -71,7 +71,7 @@ def test_loud_sound_beside_the_words_shows() -> None:
     assert beside["covered"] < 0.7
 
 
-def test_silence_that_fits_worse_than_some_phone_shows() -> None:
+def test_silence_fitting_worse_than_a_phone_shows_in_the_figures() -> None:
     loop = [["AA", 0, 20, -20.0], *answer()["loop"][1:]]
     assert figures(loop=loop)["silence"] < -5
     assert figures(loop=loop)["worst silence"] < -8
@@ -86,7 +86,7 @@ def test_silence_that_fits_worse_than_some_phone_shows() -> None:
         {"aligned": [["SIL", 0, 60, -1.0]]},
     ],
 )
-def test_what_was_not_understood_has_no_figures(nothing: dict[str, Any]) -> None:
+def test_empty_answer_has_no_figures(nothing: dict[str, Any]) -> None:
     assert Decoding.from_answer(answer(**nothing)) is None
 
 
@@ -98,14 +98,14 @@ def test_changes_are_a_distance(one: list[str], two: list[str], three: list[str]
     assert edit_distance(one, [*one, "D"]) == 1
 
 
-def test_what_is_usual_scores_the_bias_and_nothing_decides_alone() -> None:
+def test_average_figures_score_the_bias_and_each_contribution_is_limited() -> None:
     taught = AcceptanceModel(("a", "b"), (1.0, 2.0), (0.5, 1.0), (2.0, -1.0), 0.25)
     assert taught.score({"a": 1.0, "b": 2.0}) == pytest.approx(0.25)
     assert taught.score({"a": 1.5, "b": 2.0}) == pytest.approx(2.25)
     assert taught.score({"a": 1e9, "b": 2.0}) == pytest.approx(8.25)
 
 
-def test_what_was_learned_knows_every_figure_and_believes_better_fits() -> None:
+def test_shipped_acceptance_model_covers_all_figures_and_prefers_good_fits() -> None:
     taught = load_acceptance()
     assert sorted(taught.names) == sorted(figures())
     assert json.loads(MODEL_FILE.read_text())["names"] == list(taught.names)
@@ -115,7 +115,7 @@ def test_what_was_learned_knows_every_figure_and_believes_better_fits() -> None:
     assert taught.score(good) > 0 > taught.score(bad)
 
 
-def test_what_was_learned_is_read_from_a_file(tmp_path: Path) -> None:
+def test_acceptance_model_is_read_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "a.json"
     path.write_text('{"names": ["a"], "mean": [0], "deviation": [1], "weights": [3], "bias": 1}')
     assert load_acceptance(path).score({"a": 2.0}) == pytest.approx(7)

@@ -29,13 +29,13 @@ def voice(seconds: float = 1.0, loudness: float = 1000.0) -> Samples:
 
 
 @given(st.integers(WINDOW_SAMPLES, 5000))
-def test_there_is_a_row_for_each_10_ms(count: int) -> None:
+def test_cepstra_have_a_row_per_10_ms(count: int) -> None:
     rows = cepstra(voice()[:count])
     assert rows.shape[1] == CEPSTRUM_SIZE
     assert abs(len(rows) - count / HOP_SAMPLES) <= 2
 
 
-def test_they_are_those_of_pocketsphinx(tmp_path: Path) -> None:
+def test_cepstra_match_pocketsphinx(tmp_path: Path) -> None:
     pocketsphinx = pytest.importorskip("pocketsphinx")
     model = pocketsphinx.get_model_path("en-us/en-us")
     engine = pocketsphinx.Decoder(hmm=model, dict=None, lm=None, cmn="batch", mfclogdir=str(tmp_path), loglevel="FATAL")

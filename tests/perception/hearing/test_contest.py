@@ -32,7 +32,7 @@ def surrounded(sound: Samples) -> Samples:
     return add_noise(enhance_speech(np.concatenate([quiet, sound, quiet]), quiet), 20.0)
 
 
-def test_the_word_that_was_said_wins_and_stands_once(model: AcousticModel) -> None:
+def test_spoken_word_wins_and_is_listed_once(model: AcousticModel) -> None:
     pytest.importorskip("espeakng_loader")
     arena = WordContest(
         model, [*((word, ways.split()) for word, ways in WAYS.items()), ("stop", ["S", "T", "AO", "P"])]
@@ -47,7 +47,7 @@ def test_the_word_that_was_said_wins_and_stands_once(model: AcousticModel) -> No
             assert 10 <= entries[0].frames <= len(sound) * 100 / RATE + 5
 
 
-def test_who_else_competes_changes_nobodys_score(model: AcousticModel) -> None:
+def test_competitors_do_not_change_a_score(model: AcousticModel) -> None:
     sound = np.random.default_rng(1).normal(0, 900, RATE).astype(np.int16)
     few, many = (
         {each.word: each.score for each in contest(model, *words).rank_words(sound)} for words in (("on",), WAYS)
@@ -55,13 +55,13 @@ def test_who_else_competes_changes_nobodys_score(model: AcousticModel) -> None:
     assert few["on"] == pytest.approx(many["on"], rel=1e-5)
 
 
-def test_a_sound_too_short_for_a_word_leaves_it_last(model: AcousticModel) -> None:
+def test_too_short_sound_ranks_a_word_last(model: AcousticModel) -> None:
     (on, hello) = contest(model, "on", "hello").rank_words(np.zeros(1600, np.int16))
     assert (on.word, hello.word, hello.frames) == ("on", "hello", 0)
     assert np.isfinite(on.score)
 
 
-def test_a_phone_has_other_states_at_the_ends_of_words_and_between_others(model: AcousticModel) -> None:
+def test_phone_states_depend_on_the_position_in_the_word(model: AcousticModel) -> None:
     no, nine, on = (model.word_states(WAYS[word].split()) for word in ("no", "nine", "on"))
     assert [len(each.numbers) for each in (no, nine, on)] == [
         2 * STATES_PER_PHONE,
@@ -74,14 +74,14 @@ def test_a_phone_has_other_states_at_the_ends_of_words_and_between_others(model:
     assert np.exp(no.log_stay) + np.exp(no.log_leave) == pytest.approx(np.ones(6))
 
 
-def test_a_phone_between_others_that_the_model_never_heard_is_the_plain_one(model: AcousticModel) -> None:
+def test_unknown_triphone_falls_back_to_its_phone(model: AcousticModel) -> None:
     odd = model.word_states(["ZH", "ZH", "ZH"]).numbers
     assert len(odd) == 3 * STATES_PER_PHONE
     with pytest.raises(KeyError):
         model.word_states(["XX"])
 
 
-def test_a_state_weighs_all_gaussians_of_its_phone_and_fits_its_own_means_best(model: AcousticModel) -> None:
+def test_state_fits_the_means_of_its_own_phone_best(model: AcousticModel) -> None:
     which = model.word_states(["S", "IY"]).numbers
     fits = StateLikelihoods(model, which.tolist())
     hiss, vowel = (int(model.phone_of[state]) for state in (which[1], which[4]))
@@ -106,7 +106,7 @@ def _mean(model: AcousticModel, phone: int) -> Floats:
         ("feat.params", lambda data: data.replace(b"-svspec 0-12/13-25/26-38", b""), "other features: -svspec None"),
     ],
 )
-def test_a_model_of_another_form_is_refused(
+def test_unsupported_acoustic_model_is_refused(
     name: str, spoilt: Callable[[bytes], bytes], complaint: str, tmp_path: Path
 ) -> None:
     folder = model_folder()

@@ -45,7 +45,7 @@ def test_noise_becomes_much_weaker_and_speech_hardly(loudness: float) -> None:
 
 
 @given(st.integers(1, 4000))
-def test_without_noise_a_sound_stays_what_it_is(count: int) -> None:
+def test_sound_without_noise_is_unchanged(count: int) -> None:
     sound = hiss(count, 1000.0)
     assert np.allclose(wiener_filter(sound, np.zeros(WINDOW_SAMPLES)), sound, atol=1.0)
 
@@ -64,13 +64,13 @@ def test_any_sound_before_any_noise_stays_a_sound(count: int, before: int) -> No
     assert clear.shape == sound.shape
 
 
-def test_digital_silence_gets_as_much_noise_as_was_asked_for() -> None:
+def test_digital_silence_gets_the_requested_noise() -> None:
     clear = add_noise(enhance_speech(np.zeros(RATE, np.int16), np.zeros(RATE // 2, np.int16)), 40.0)
     assert clear.dtype == np.int16
     assert np.std(clear) == pytest.approx(40, rel=0.1)
 
 
-def test_the_same_clip_gives_the_same_sound() -> None:
+def test_equal_clips_give_equal_sound() -> None:
     sound, noise = np.asarray(words(), np.int16), np.asarray(hiss(RATE, 30.0), np.int16)
     one, other = (add_noise(enhance_speech(sound, noise), 40.0) for _ in range(2))
     assert np.array_equal(one, other)

@@ -31,7 +31,7 @@ def cut(sound: Samples, *, piece: int = 320, start: float = 0.0) -> list[Clip]:
     ]
 
 
-def test_speech_is_cut_out_with_what_is_around_it() -> None:
+def test_speech_is_cut_out_with_lead_and_tail() -> None:
     sound = scene((2.0, 2.8), seconds=5)
     (clip,) = cut(sound, start=100.0)
     assert clip.start == pytest.approx(102.0, abs=0.03)
@@ -54,7 +54,7 @@ def test_how_the_sound_is_cut_into_pieces_changes_nothing(piece: int) -> None:
     assert np.array_equal(clip.noise, expected.noise)
 
 
-def test_a_short_pause_is_part_of_it_and_a_long_one_ends_it() -> None:
+def test_short_pause_is_included_and_long_pause_ends_the_clip() -> None:
     clips = cut(scene((1.0, 1.4), (1.8, 2.2), (3.2, 3.6), seconds=5))
     assert [(round(clip.start, 1), round(clip.end, 1)) for clip in clips] == [(1.0, 2.2), (3.2, 3.6)]
 
@@ -68,7 +68,7 @@ def test_a_click_is_no_speech() -> None:
     assert cut(scene((1.0, 1.03), (3.0, 3.04), seconds=5)) == []
 
 
-def test_a_noise_that_goes_on_becomes_the_background_before_which_speech_is_heard() -> None:
+def test_lasting_noise_becomes_the_background() -> None:
     sound = scene((14.0, 14.6), seconds=17)
     sound[3 * RATE :] += np.asarray(room(14, 800, seed=2), np.int16)
     clips = cut(sound)
@@ -77,14 +77,14 @@ def test_a_noise_that_goes_on_becomes_the_background_before_which_speech_is_hear
     assert all(clip.end - clip.start <= SpeechGate().longest + 0.1 for clip in clips)
 
 
-def test_after_a_long_speech_the_next_word_is_heard() -> None:
+def test_word_after_a_long_speech_is_detected() -> None:
     syllables = [(2.0 + 0.3 * each, 2.15 + 0.3 * each) for each in range(40)]
     clips = cut(scene(*syllables, (15.0, 15.5), seconds=17))
     assert (round(clips[-1].start, 1), round(clips[-1].end, 1)) == (15.0, 15.5)
     assert sum(clip.end - clip.start for clip in clips) > 11
 
 
-def test_the_voices_of_others_in_the_distance_do_not_keep_it_from_ending() -> None:
+def test_distant_voices_do_not_extend_the_clip() -> None:
     sound = scene((2.0, 2.6), seconds=4).astype(np.float64)
     sound[round(2.6 * RATE) :] += room(1.4, LOUD / 15, seed=3)
     (clip,) = cut(np.asarray(np.clip(sound, -32768, 32767), np.int16))

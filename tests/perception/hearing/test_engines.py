@@ -152,7 +152,7 @@ def test_an_engine_is_given_the_phrases_and_the_users_model(
     ("files", "complaint"),
     [((), "there is no tokens.txt"), (FILES[:1], r"there is no encoder\*.onnx"), (FILES[:3], "there is no decoder")],
 )
-def test_a_folder_without_a_transducer_is_told(files: tuple[str, ...], complaint: str, tmp_path: Path) -> None:
+def test_folder_without_a_transducer_is_reported(files: tuple[str, ...], complaint: str, tmp_path: Path) -> None:
     (tmp_path / "sherpa_onnx.py").write_text(SHERPA)
     for name in files:
         (tmp_path / name).touch()
@@ -188,13 +188,13 @@ def test_a_folder_without_a_transducer_is_told(files: tuple[str, ...], complaint
         ({"phrase": "yes", "sure": [1.0]}, ("yes", pytest.approx(log(999)))),
     ],
 )
-def test_an_answer_is_as_sure_as_its_least_sure_part(
+def test_answer_is_as_certain_as_its_least_certain_part(
     kind: type[ModelEngine], answer: dict[str, Any], judged: Any
 ) -> None:
     assert kind(PhraseGrammar.from_texts(["yes", "thank you"]), Path("model")).judge(clip(0), answer) == judged
 
 
-def test_words_that_nobody_can_say_are_told_before_anything_runs() -> None:
+def test_unpronounceable_words_are_refused_before_the_start() -> None:
     with pytest.raises(ValueError, match="cannot listen for 'rodney': no known pronunciation"):
         SphinxEngine(PhraseGrammar.from_texts(["hello rodney"]), Lexicon("hello HH AH L OW\n"), load_acceptance())
 
@@ -204,7 +204,7 @@ def test_an_answer_without_an_understanding_is_nothing() -> None:
     assert engine.judge(clip(16000), {"decoded": 1, "phrase": ""}) == NO_PHRASE
 
 
-def test_a_word_is_no_surer_than_the_decoys_leave_it() -> None:
+def test_word_certainty_is_limited_by_decoys() -> None:
     assert limit_by_decoys(3.0, None) == 3.0
     assert limit_by_decoys(3.0, 1000.0) == 3.0
     assert limit_by_decoys(3.0, -DECOY_TOLERANCE) == 0.0
@@ -212,7 +212,7 @@ def test_a_word_is_no_surer_than_the_decoys_leave_it() -> None:
     assert limit_by_decoys(3.0, -DECOY_TOLERANCE - 20) < 0
 
 
-def test_pocketsphinx_hears_no_phrase_in_noise_and_says_what_that_cost() -> None:
+def test_pocketsphinx_finds_no_phrase_in_noise_and_reports_its_cost() -> None:
     pytest.importorskip("pocketsphinx")
     lexicon = load_english()
     assert lexicon is not None

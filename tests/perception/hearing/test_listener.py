@@ -47,12 +47,12 @@ def scene() -> Scene:
     return Scene()
 
 
-def test_a_new_recogniser_is_told_what_to_listen_for(scene: Scene) -> None:
+def test_new_recogniser_gets_the_phrases(scene: Scene) -> None:
     scene.begin()
     assert scene.worker.sent == [({"phrases": ["yes"]}, b"")]
 
 
-def test_before_the_recogniser_is_ready_nobody_listens(scene: Scene) -> None:
+def test_listening_begins_when_the_recogniser_is_ready(scene: Scene) -> None:
     scene.hear(seconds=1)
     assert scene.listener.listened() is None
     scene.begin()
@@ -60,7 +60,7 @@ def test_before_the_recogniser_is_ready_nobody_listens(scene: Scene) -> None:
     assert scene.listener.listened() == pytest.approx(2.0)
 
 
-def test_what_is_said_is_recognised_and_kept_with_its_times(scene: Scene) -> None:
+def test_spoken_phrase_is_recognised_with_its_times(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), seconds=3)
     assert scene.listener.is_pending
@@ -73,7 +73,7 @@ def test_what_is_said_is_recognised_and_kept_with_its_times(scene: Scene) -> Non
 
 
 @pytest.mark.parametrize(("threshold", "accepted"), [(0.9, True), (1.0, True), (1.1, False)])
-def test_what_is_not_sure_enough_is_refused_with_the_nearest_phrase(threshold: float, accepted: bool) -> None:
+def test_uncertain_phrase_is_refused_with_the_nearest_phrase(threshold: float, accepted: bool) -> None:
     scene = Scene(threshold)
     scene.begin()
     scene.hear((1.0, 1.5), seconds=3)
@@ -83,7 +83,7 @@ def test_what_is_not_sure_enough_is_refused_with_the_nearest_phrase(threshold: f
     assert (other if accepted else kept) == ()
 
 
-def test_what_is_no_phrase_at_all_is_refused_however_sure(scene: Scene) -> None:
+def test_speech_without_a_phrase_is_refused_despite_a_high_score(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), seconds=3)
     scene.answer("", 9.0)
@@ -102,7 +102,7 @@ def test_one_is_recognised_after_the_other(scene: Scene) -> None:
     assert [(words.id, round(words.start)) for words in scene.listener.words()] == [(3, 5), (2, 3), (1, 1)]
 
 
-def test_it_does_not_hear_what_the_robot_says_itself(scene: Scene) -> None:
+def test_own_speech_is_not_recognised(scene: Scene) -> None:
     scene.begin()
     scene.speaking = (0.9, 2.0)
     scene.hear((1.0, 1.9), (3.0, 3.5), seconds=5)
@@ -112,7 +112,7 @@ def test_it_does_not_hear_what_the_robot_says_itself(scene: Scene) -> None:
     assert scene.listener.listened() == pytest.approx(5.0)
 
 
-def test_sound_that_was_lost_does_not_join_what_was_before_to_what_was_after(scene: Scene) -> None:
+def test_lost_sound_separates_two_clips(scene: Scene) -> None:
     scene.begin()
     pieces = bits(talk((1.0, 3.0), seconds=5))
     for piece in (*pieces[:75], *pieces[125:]):  # half a second is missing
@@ -122,7 +122,7 @@ def test_sound_that_was_lost_does_not_join_what_was_before_to_what_was_after(sce
     assert words.start == pytest.approx(2.5, abs=0.03)
 
 
-def test_a_recogniser_that_dies_costs_what_it_was_asked_and_no_more(scene: Scene) -> None:
+def test_dead_recogniser_loses_only_its_pending_clips(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), (3.0, 3.5), seconds=5)
     scene.listener.on_exit("killed")
@@ -135,7 +135,7 @@ def test_a_recogniser_that_dies_costs_what_it_was_asked_and_no_more(scene: Scene
     assert not scene.listener.is_pending
 
 
-def test_a_recogniser_that_cannot_be_told_does_no_harm(scene: Scene) -> None:
+def test_unreachable_recogniser_is_harmless(scene: Scene) -> None:
     scene.begin()
     scene.worker.broken = True
     scene.hear((1.0, 1.5), seconds=3)
@@ -145,7 +145,7 @@ def test_a_recogniser_that_cannot_be_told_does_no_harm(scene: Scene) -> None:
     assert not scene.listener.is_ready
 
 
-def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: Scene) -> None:
+def test_hanging_recogniser_is_killed_and_listening_pauses(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), seconds=CLIP_TIMEOUT + 1)
     assert scene.worker.kills == 0
@@ -154,7 +154,7 @@ def test_a_recogniser_that_hangs_is_killed_and_meanwhile_nobody_listens(scene: S
     assert scene.listener.listened() == pytest.approx(CLIP_TIMEOUT + 2, abs=0.1)
 
 
-def test_a_recogniser_that_hangs_before_it_is_ready_is_killed_too(scene: Scene) -> None:
+def test_recogniser_hanging_at_its_start_is_killed(scene: Scene) -> None:
     scene.hear(seconds=0.1, first=50 * 100)
     scene.listener.on_started()
     scene.hear(seconds=0.1, first=50 * 200)  # its time counts from the first sound on
@@ -164,7 +164,7 @@ def test_a_recogniser_that_hangs_before_it_is_ready_is_killed_too(scene: Scene) 
     assert scene.worker.kills > 0
 
 
-def test_a_recogniser_that_is_killed_or_gets_ready_in_time_is_left_alone(scene: Scene) -> None:
+def test_restarted_recogniser_gets_its_full_start_time(scene: Scene) -> None:
     scene.listener.on_started()
     scene.hear(seconds=0.1)
     scene.listener.on_exit("killed")
@@ -174,7 +174,7 @@ def test_a_recogniser_that_is_killed_or_gets_ready_in_time_is_left_alone(scene: 
     assert scene.worker.kills == 0
 
 
-def test_a_new_recogniser_knows_nothing_of_what_the_last_was_asked(scene: Scene) -> None:
+def test_new_recogniser_has_no_pending_clips(scene: Scene) -> None:
     scene.begin()
     scene.hear((1.0, 1.5), seconds=3)
     scene.listener.on_started()  # closed and opened: nobody tells that the last was lost
@@ -182,7 +182,7 @@ def test_a_new_recogniser_knows_nothing_of_what_the_last_was_asked(scene: Scene)
     assert not scene.listener.is_pending
 
 
-def test_an_answer_that_nobody_asked_for_is_dropped(scene: Scene) -> None:
+def test_unrequested_answer_is_dropped(scene: Scene) -> None:
     scene.begin()
     scene.listener.on_message({"decoded": 7, "phrase": "yes", "score": 9.0}, b"")
     assert (scene.listener.words(), scene.changes) == ((), 0)
@@ -196,7 +196,7 @@ def test_words_are_forgotten_after_half_a_minute(scene: Scene) -> None:
     assert [round(words.start) for words in scene.listener.words()] == [40, 20]
 
 
-def test_the_level_is_that_of_the_last_moment(scene: Scene) -> None:
+def test_level_is_that_of_the_last_moment(scene: Scene) -> None:
     assert scene.listener.level() == -90
     full = np.where(np.arange(3200) % 2, 32767, -32767).astype(np.int16)
     for piece in bits(full):
@@ -208,7 +208,7 @@ def test_the_level_is_that_of_the_last_moment(scene: Scene) -> None:
 
 
 @pytest.mark.real_time
-def test_opened_again_ears_hear_a_microphone_that_counts_anew(scene: Scene) -> None:
+def test_reopened_ears_accept_restarted_numbers(scene: Scene) -> None:
     microphone = Microphone(bits(talk((1.0, 1.5), seconds=3)))
     ears = Ears(microphone, scene.listener, scene.worker)
     try:

@@ -34,27 +34,27 @@ phrases = st.lists(st.lists(st.sampled_from(["go", "left", "the", "stop"]), min_
         ("CAFE\u0301!", "caf\u00e9"),
     ],
 )
-def test_a_phrase_is_what_is_spoken_of_a_text(text: str, phrase: str) -> None:
+def test_phrase_is_the_spoken_form_of_a_text(text: str, phrase: str) -> None:
     assert normalise(text) == phrase
 
 
 @given(texts)
-def test_a_phrase_is_its_own_phrase(text: str) -> None:
+def test_normalise_is_idempotent(text: str) -> None:
     assert normalise(normalise(text)) == normalise(text)
 
 
 @pytest.mark.parametrize(("text", "fault"), [("?!", "no word"), ("go 3 steps", "write them as words"), ("yes", "")])
-def test_what_cannot_be_said_is_told(text: str, fault: str) -> None:
+def test_unspeakable_text_is_reported(text: str, fault: str) -> None:
     assert fault in phrase_error(text)
     assert bool(fault) == bool(phrase_error(text))
 
 
-def test_a_grammar_of_what_cannot_be_said_is_refused() -> None:
+def test_grammar_of_unspeakable_text_is_refused() -> None:
     with pytest.raises(ValueError, match="cannot listen for 'go 3 steps': it has digits"):
         PhraseGrammar.from_texts(["yes", "go 3 steps"])
 
 
-def test_phrases_that_sound_alike_count_once() -> None:
+def test_equal_sounding_phrases_count_once() -> None:
     assert PhraseGrammar.from_texts(["Yes!", "yes", "no"]).phrases == ("yes", "no")
 
 
@@ -85,7 +85,7 @@ def test_the_network_allows_just_the_phrases(some: list[list[str]]) -> None:
         ("", ""),
     ],
 )
-def test_a_phrase_is_found_in_a_text_that_says_little_else(text: str, phrase: str) -> None:
+def test_phrase_is_found_in_a_short_text(text: str, phrase: str) -> None:
     assert PhraseGrammar.from_texts(["yes", "thank you", "no"]).find(text) == phrase
 
 
@@ -94,7 +94,7 @@ def test_of_several_phrases_in_a_text_the_longest_counts() -> None:
 
 
 @given(texts)
-def test_no_phrase_is_found_in_a_text_without_its_words(text: str) -> None:
+def test_phrase_is_not_found_without_its_words(text: str) -> None:
     assert PhraseGrammar.from_texts(["stop here"]).find(text) == ""
 
 
@@ -117,7 +117,7 @@ def test_british_speakers_drop_their_r_and_round_their_o(american: str, british:
 
 
 @given(st.lists(st.sampled_from(sorted(KIND_OF)), min_size=1, max_size=8))
-def test_other_ways_to_say_a_word_are_new_and_have_its_syllables(phones: list[str]) -> None:
+def test_british_variants_are_new_and_keep_the_syllables(phones: list[str]) -> None:
     ways = british_variants(phones)
     assert tuple(phones) not in ways
     assert len(set(ways)) == len(ways)
@@ -126,7 +126,7 @@ def test_other_ways_to_say_a_word_are_new_and_have_its_syllables(phones: list[st
         assert set(way) <= KIND_OF.keys()
 
 
-def test_a_word_is_said_in_all_the_ways_of_the_dictionary_and_in_british() -> None:
+def test_pronunciations_include_the_dictionary_and_british_variants() -> None:
     lexicon = Lexicon(DICTIONARY)
     assert lexicon.pronunciations("the") == [("DH", "AH"), ("DH", "IY")]
     assert lexicon.pronunciations("stop") == [("S", "T", "AA", "P"), ("S", "T", "AO", "P")]
@@ -134,14 +134,14 @@ def test_a_word_is_said_in_all_the_ways_of_the_dictionary_and_in_british() -> No
     assert lexicon.unknown_words(["stop", "rodney", "very"]) == ["rodney"]
 
 
-def test_phrases_that_differ_by_one_sound_are_easily_confused() -> None:
+def test_phrases_differing_by_one_sound_are_confusable() -> None:
     lexicon = Lexicon("go G OW\nno N OW\nyes Y EH S\nturn T ER N\nburn B ER N\nup AH P\n")
     assert find_confusable(["go", "no", "yes"], lexicon) == [("go", "no")]
     assert find_confusable(["turn up", "burn up", "burn"], lexicon) == [("turn up", "burn up")]
     assert find_confusable(["yes", "rodney", "rodney go"], lexicon) == []
 
 
-def test_the_robot_file_says_how_a_name_is_said() -> None:
+def test_robot_file_overrides_pronunciations() -> None:
     lexicon = Lexicon(DICTIONARY, {"Rodney": "r aa d n iy", "the": "DH EH"})
     assert lexicon.pronunciations("rodney") == [("R", "AA", "D", "N", "IY"), ("R", "AO", "D", "N", "IY")]
     assert lexicon.pronunciations("the") == [("DH", "EH")]
@@ -162,11 +162,11 @@ def test_a_pronunciation_with_unknown_phones_is_refused(said: str, what: str) ->
         ("_: _", ""),
     ],
 )
-def test_a_synthesiser_says_how_a_name_is_said(mnemonics: str, phones: str) -> None:
+def test_espeak_phonemes_become_phones(mnemonics: str, phones: str) -> None:
     assert " ".join(espeak_to_phones(mnemonics.split())) == phones
     assert set(espeak_to_phones(mnemonics.split())) <= KIND_OF.keys()
 
 
-def test_the_phonemes_of_another_language_are_refused() -> None:
+def test_phonemes_of_another_language_are_refused() -> None:
     with pytest.raises(ValueError, match="phoneme 'y:' is not one of the voice en-us"):
         espeak_to_phones(["t", "y:"])

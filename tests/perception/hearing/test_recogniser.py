@@ -64,7 +64,7 @@ def test_the_contest_decides_between_single_words_and_weighs_each_word_of_longer
     assert longer["margin"] > -DECOY_TOLERANCE
 
 
-def test_words_that_sound_a_little_like_a_phrase_fit_worse_than_common_words() -> None:
+def test_similar_words_fit_worse_than_decoys() -> None:
     pytest.importorskip("espeakng_loader")
     recogniser, quiet = listening("go forward"), np.zeros(RATE // 3)
     hiss = np.random.default_rng(1)
@@ -93,7 +93,7 @@ def test_a_margin_is_over_the_best_decoy_for_each_frame_and_words_of_a_phrase_ha
     )
 
 
-def test_decoys_are_short_common_words_that_sound_like_no_phrase() -> None:
+def test_decoys_are_short_common_words_unlike_any_phrase() -> None:
     found = find_decoys({"no": ["N OW"]})
     assert MAX_COMMON_WORDS / 2 < len(found) < MAX_COMMON_WORDS
     assert {"the", "yes", "go"} <= set(found)
@@ -102,7 +102,7 @@ def test_decoys_are_short_common_words_that_sound_like_no_phrase() -> None:
 
 
 @pytest.mark.parametrize("error", [ValueError("trained on other features"), FileNotFoundError("no sendump")])
-def test_words_are_heard_without_a_contest_where_the_acoustic_model_is_another(
+def test_recogniser_works_without_a_contest_for_another_model(
     error: Exception, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(_: Path) -> None:

@@ -47,7 +47,7 @@ def test_commands_are_understood_and_other_sentences_refused(tmp_path: Path) -> 
     assert pink.false <= 0.2
 
 
-def test_single_words_are_told_from_other_words(tmp_path: Path) -> None:
+def test_single_words_are_distinguished_from_other_words(tmp_path: Path) -> None:
     words = Material("words", ("en-us+f2",), (("yes", "no", "stop"),), OTHERS, "", 5, speeds=1)
     results = tmp_path / "results.jsonl"
     with Speaking() as speaking:
@@ -70,7 +70,7 @@ def test_nothing_of_the_lesson_comes_up_in_the_trial(trial: Material) -> None:
 
 
 @pytest.mark.parametrize("old", ["", "old\n"])
-def test_the_table_stands_where_it_belongs_and_the_words_around_it_stay(old: str) -> None:
+def test_table_replaces_the_old_one_and_keeps_the_page(old: str) -> None:
     found = Row("pink", 7, 10, 1.0, (0.5, 0.625, 0.75, 0.875), 0.857, 0.1, 0.0831)
     begin, end = "<!-- round trip of trial: begin -->\n", "<!-- round trip of trial: end -->\nafter\n"
     page = written(f"before\n{begin}{old}{end}", "trial", table([found]))

@@ -57,7 +57,7 @@ def test_a_heading_is_a_name_and_a_unit(text: str, heading: Heading) -> None:
     assert parse_heading(text) == heading
 
 
-def test_a_joint_that_is_called_like_a_unit_keeps_its_name() -> None:
+def test_joint_named_like_a_unit_keeps_its_name() -> None:
     assert parse_heading("elbow_rad", ["elbow_rad"]) == Heading("elbow_rad", "")
     assert find_joint("Shoulder-Pan", ["shoulder_pan"]) == "shoulder_pan"
     assert find_joint("shoulder", ["shoulder_pan"]) == ""
@@ -74,7 +74,7 @@ def test_degrees_in_the_heading_are_degrees(tmp_path: Path, arm: ArmKeys, headin
         assert [degrees(frame.positions[joint]) for frame in frames] == pytest.approx([1.5, 90])
 
 
-def test_every_hint_that_is_followed_keeps_the_degrees(tmp_path: Path, arm: ArmKeys) -> None:
+def test_hint_for_an_unknown_joint_keeps_the_unit(tmp_path: Path, arm: ArmKeys) -> None:
     path = written(tmp_path, "time,Elbo (deg),Wrist (deg)\n0,1.0,0.5\n0.5,1.5,1.2\n")
     ((message, hint),) = told(path, arm)
     assert message == "there is no joint 'Elbo'"
@@ -85,13 +85,13 @@ def test_every_hint_that_is_followed_keeps_the_degrees(tmp_path: Path, arm: ArmK
     assert degrees(frames[1].positions["wrist"]) == pytest.approx(1.2)
 
 
-def test_a_heading_without_unit_is_said_to_have_radians(tmp_path: Path, arm: ArmKeys) -> None:
+def test_hint_for_a_heading_without_unit_mentions_radians(tmp_path: Path, arm: ArmKeys) -> None:
     path = written(tmp_path, "time,Elbow\n0,1.0\n1,1.5\n")
     ((_, hint),) = told(path, arm)
     assert hint == "did you mean 'elbow'? without a unit it has radians: 'elbow (deg)' has degrees"
 
 
-def test_angles_that_fit_as_degrees_alone_are_asked_about(tmp_path: Path, arm: ArmKeys) -> None:
+def test_hint_for_angles_beyond_the_limits_suggests_degrees(tmp_path: Path, arm: ArmKeys) -> None:
     path = written(tmp_path, "time,elbow\n0,10\n1,90\n")
     ((message, hint),) = told(path, arm)
     assert "outside its limits" in message
@@ -112,12 +112,12 @@ def test_a_column_without_a_unit_beside_degrees_is_refused(tmp_path: Path, arm: 
 
 
 @pytest.mark.parametrize("behind", ["_mrad", ".pos", " ticks"])
-def test_what_stands_behind_a_joint_is_not_dropped_by_the_hint(tmp_path: Path, arm: ArmKeys, behind: str) -> None:
+def test_hint_for_an_unknown_heading_suffix_lists_the_angle_units(tmp_path: Path, arm: ArmKeys, behind: str) -> None:
     ((_, hint),) = told(written(tmp_path, f"time,elbow{behind}\n0,0.1\n1,0.2\n"), arm)
     assert hint == "a column of it is headed 'elbow (deg)' or 'elbow (rad)', and has its angles in that unit"
 
 
-def test_a_unit_that_is_no_angle_is_refused(tmp_path: Path, arm: ArmKeys) -> None:
+def test_unit_that_is_not_an_angle_is_refused(tmp_path: Path, arm: ArmKeys) -> None:
     for unit in ("ticks", "%", "mm", "rev"):
         ((message, hint), *_) = told(written(tmp_path, f"time,elbow ({unit})\n0,0.1\n1,0.2\n"), arm)
         assert message == f"'{unit}' is not a unit of angle"
@@ -145,7 +145,7 @@ def test_times_have_the_unit_of_their_heading(tmp_path: Path, arm: ArmKeys, head
 
 
 @pytest.mark.parametrize("heading", ["Zeit", "t", "timestamp"])
-def test_a_column_of_times_without_its_name_says_how_to_head_it(tmp_path: Path, arm: ArmKeys, heading: str) -> None:
+def test_hint_for_an_unknown_time_heading_suggests_the_name(tmp_path: Path, arm: ArmKeys, heading: str) -> None:
     ((_, hint), *_) = told(written(tmp_path, f"{heading},elbow\n0,0.1\n1,0.2\n"), arm)
     assert hint == "a column of times is headed 'time (s)' or 'time (ms)'"
 
@@ -199,14 +199,14 @@ def test_further_worksheets_are_named(tmp_path: Path, arm: ArmKeys, write: objec
     assert "not 'angles'" in hint
 
 
-def test_a_hidden_sheet_is_not_read_unless_it_is_named(tmp_path: Path, arm: ArmKeys) -> None:
+def test_hidden_sheet_is_read_only_if_named(tmp_path: Path, arm: ArmKeys) -> None:
     path = write_xlsx(tmp_path / "book.xlsx", {"old": [("time", "elbow"), (0.0, 1.0)], "new": GOOD}, hidden={"old"})
     move = load_move(path, arm=arm)
     assert degrees(move.keyframes[0].positions["elbow"]) == pytest.approx(10)
     assert "sheet 'new' is read, and not 'old'" in move.summary
 
 
-def test_cells_of_merged_ones_are_empty_and_say_so(tmp_path: Path, arm: ArmKeys) -> None:
+def test_empty_cells_give_a_hint_about_merged_cells(tmp_path: Path, arm: ArmKeys) -> None:
     path = write_xlsx(tmp_path / "book.xlsx", {"a": [("time", "elbow"), (0.0, 0.1), (1.0, None)]})
     ((message, hint),) = told(path, arm)
     assert message == "an empty cell"

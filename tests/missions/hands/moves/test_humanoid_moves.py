@@ -26,7 +26,7 @@ def gait() -> list[tuple[float, dict[str, float]]]:
 
 
 @pytest.mark.parametrize("name", ["gait", "wave"])
-def test_the_humanoid_can_play_its_movements_as_fast_as_they_are(name: str) -> None:
+def test_humanoid_gestures_stay_within_the_joint_speeds(name: str) -> None:
     arm = humanoid()
     before: dict[str, tuple[float, float]] = {}
     last = 0.0
@@ -47,7 +47,7 @@ def test_the_soles_stay_level_and_a_foot_goes_straight_up() -> None:
             assert pose[f"{side}_knee"] == pytest.approx(2 * pose[f"{side}_hip_pitch"])
 
 
-def test_the_humanoid_stands_on_the_foot_that_it_leans_over_and_lifts_the_other() -> None:
+def test_humanoid_leans_over_the_standing_foot_and_lifts_the_other() -> None:
     lifted = []
     for _, pose in gait():
         higher = [side for side in ("left", "right") if pose[f"{side}_knee"] > 41]
@@ -60,7 +60,7 @@ def test_the_humanoid_stands_on_the_foot_that_it_leans_over_and_lifts_the_other(
     assert lifted == ["right", "left", "right", "left"]
 
 
-def test_the_legs_are_tilted_alike_so_that_the_feet_stay_where_they_are() -> None:
+def test_humanoid_hip_rolls_are_opposite_and_feet_do_not_slide() -> None:
     for (_, was), (_, now) in pairwise(gait()):
         assert now["left_hip_roll"] == pytest.approx(-now["right_hip_roll"])
         swaying = now["left_hip_roll"] != was["left_hip_roll"]

@@ -16,14 +16,14 @@ ANGLES = st.lists(st.floats(-3, 3), max_size=30)
 
 @pytest.mark.parametrize("degrees", [0, 1, 30, 90, 135, 179, 180])
 @pytest.mark.parametrize("unit", [0.001, 1.0, 1000.0])
-def test_a_limb_that_is_bent_by_an_angle_has_that_angle(degrees: float, unit: float) -> None:
+def test_angle_at_returns_the_angle_of_a_bent_limb(degrees: float, unit: float) -> None:
     angle = radians(degrees)
     wrist = (0.2 * unit * cos(angle), 0.2 * unit * sin(angle), 0.0)
     assert angle_at((0.3 * unit, 0.0, 0.0), (0.0, 0.0, 0.0), wrist) == pytest.approx(angle, abs=1e-6)
 
 
 @given(POINTS, POINTS, POINTS)
-def test_the_law_of_cosines_says_what_the_vectors_say(
+def test_angle_at_agrees_with_vector_arithmetic(
     before: tuple[float, float, float], joint: tuple[float, float, float], behind: tuple[float, float, float]
 ) -> None:
     assume(min(dist(joint, before), dist(joint, behind)) > 0.01)

@@ -55,7 +55,7 @@ def mistakes(path: Path, *, rate: float | None = 10.0, arm: ArmKeys | None = Non
     ]
 
 
-def test_every_column_of_a_sheet_is_a_joint_at_the_rate_that_is_given(sheet: Path) -> None:
+def test_sheet_columns_become_joints_at_the_given_rate(sheet: Path) -> None:
     sheet.write_text("elbow,wrist\n0,0.25\n0.5,0.25\n1.25,-0.5\n", encoding="utf-8")
     assert load_move(sheet, rate=50.0) == Gesture(
         "reach",
@@ -69,14 +69,14 @@ def test_every_column_of_a_sheet_is_a_joint_at_the_rate_that_is_given(sheet: Pat
     )
 
 
-def test_a_sheet_may_say_itself_when_its_rows_are(sheet: Path) -> None:
+def test_time_column_sets_the_keyframe_times(sheet: Path) -> None:
     sheet.write_text("elbow,time\n0,3.5\n0.5,3.75\n1,4.5\n", encoding="utf-8")
     move = load_move(sheet)
     assert [frame.time for frame in move.keyframes] == [0.0, 0.25, 1.0]
     assert all(frame.positions.keys() == {"elbow"} for frame in move.keyframes)
 
 
-def test_all_kinds_of_sheets_say_the_same(tmp_path: Path, arm: ArmKeys) -> None:
+def test_all_spreadsheet_formats_load_the_same_move(tmp_path: Path, arm: ArmKeys) -> None:
     rows: list[Row] = [("time", "elbow", "wrist"), (0.0, 0.0, 0.25), (0.5, 0.5, 0.25), (1.0, 1.25, -0.5)]
     text = "\n".join(";".join(str(cell) for cell in row) for row in rows)
     (tmp_path / "two_joints.csv").write_text(text, encoding="utf-8")
@@ -98,7 +98,7 @@ def test_all_kinds_of_sheets_say_the_same(tmp_path: Path, arm: ArmKeys) -> None:
     assert moves[0].keyframes[2] == Keyframe(1.0, {"elbow": 1.25, "wrist": -0.5})
 
 
-def test_columns_are_turned_shifted_and_taken_for_degrees_as_the_move_file_says(sheet: Path) -> None:
+def test_move_file_sets_sign_offset_and_unit_of_columns(sheet: Path) -> None:
     file = described(
         sheet,
         "L_ELBOW,other\n10,0\n100,0\n",
@@ -122,7 +122,7 @@ def arm_of_points(bends: list[float], *, lift: float = 0.3) -> str:
     return "\n".join(rows) + "\n"
 
 
-def test_points_of_a_body_become_the_angle_between_them(sheet: Path) -> None:
+def test_body_points_become_joint_angles(sheet: Path) -> None:
     bends = [0.0, 0.3, 1.0, 1.5]
     file = described(
         sheet, arm_of_points(bends), "elbow: {points: [shoulder, elbow, wrist], sign: -1, offset: 180 deg}"
@@ -149,12 +149,12 @@ def test_noise_below_a_step_of_the_servo_moves_nothing(sheet: Path, arm: ArmKeys
     assert [frame.positions["elbow"] for frame in load_move(sheet, rate=10.0).keyframes] == noise
 
 
-def test_a_move_file_may_have_a_dead_band_of_its_own(sheet: Path, arm: ArmKeys) -> None:
+def test_move_file_can_set_the_dead_band(sheet: Path, arm: ArmKeys) -> None:
     file = described(sheet, "e\n0.5\n0.55\n0.7\n", "elbow: {column: e}", "dead_band: 0.1 rad")
     assert [frame.positions["elbow"] for frame in load_move(file, rate=1.0, arm=arm).keyframes] == [0.5, 0.5, 0.7]
 
 
-def test_a_limb_without_length_is_a_fault_in_its_row(sheet: Path) -> None:
+def test_limb_without_length_is_reported_with_its_row(sheet: Path) -> None:
     rows = arm_of_points([0.1, 0.2]) + "0,0,0,0,0,0,0.2,0.3,0\n" + "0,0,0,1,0,0,1,0,0\n"
     file = described(sheet, rows, "elbow: {points: [shoulder, elbow, wrist]}")
     assert mistakes(file) == [
@@ -162,7 +162,7 @@ def test_a_limb_without_length_is_a_fault_in_its_row(sheet: Path) -> None:
     ]
 
 
-def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, arm: ArmKeys) -> None:
+def test_angles_beyond_the_limits_are_reported_at_the_first_row(sheet: Path, arm: ArmKeys) -> None:
     sheet.write_text("wrist,elbow\n0,0\n0,2.2\n4,-0.1\n", encoding="utf-8")
     assert mistakes(sheet, arm=arm) == [
         "reach.csv:3:2: 'elbow' at 126.051 deg is outside its limits, 0 deg to 120 deg, and in 1 more row",
@@ -171,7 +171,7 @@ def test_angles_beyond_the_limits_are_a_fault_at_the_first_of_them(sheet: Path, 
     assert load_move(sheet, rate=10.0).keyframes[2].positions["wrist"] == 4.0
 
 
-def test_all_that_is_wrong_with_a_sheet_is_said_at_once(sheet: Path, arm: ArmKeys) -> None:
+def test_all_faults_of_a_sheet_are_reported_together(sheet: Path, arm: ArmKeys) -> None:
     sheet.write_text("time,elbow,wrist\n0,x,0\n0.1,,1\n0.2,0.3,1;2\n", encoding="utf-8")
     assert mistakes(sheet, arm=arm) == [
         "reach.csv:2:2: 'x' is not a number",
@@ -208,7 +208,7 @@ def test_rows_without_times_need_a_rate(sheet: Path) -> None:
     assert mistakes(sheet, rate=None) == ["reach.csv:1:1: there is no column of a joint"]
 
 
-def test_columns_that_a_move_file_asks_for_have_to_be_there(sheet: Path, arm: ArmKeys) -> None:
+def test_missing_columns_of_a_move_file_are_reported(sheet: Path, arm: ArmKeys) -> None:
     file = described(
         sheet, "elbov,a_x,a_y\n0,0,0\n", "elbow: {column: elbow}\nwrist: {points: [a, b, c], plane: xy}", "rate: 1 Hz"
     )
@@ -217,7 +217,7 @@ def test_columns_that_a_move_file_asks_for_have_to_be_there(sheet: Path, arm: Ar
     assert [line.split("'")[1] for line in found[1:]] == ["b_x", "b_y", "c_x", "c_y"]
 
 
-def test_mistakes_of_a_move_file_come_before_those_of_its_sheet(sheet: Path, arm: ArmKeys) -> None:
+def test_move_file_faults_are_reported_before_sheet_faults(sheet: Path, arm: ArmKeys) -> None:
     file = described(sheet, "e\nx\n", "elbw: {column: e}")
     assert mistakes(file, arm=arm) == ["reach.yaml:4:3: there is no joint 'elbw'"]
     sheet.unlink()
@@ -233,7 +233,7 @@ def test_a_gesture_file_is_a_movement_too(tmp_path: Path, arm: ArmKeys) -> None:
     assert mistakes(tmp_path / "gone.yaml") == ["gone.yaml:1:1: cannot be read: No such file or directory"]
 
 
-def test_a_sheet_can_be_kept_as_a_gesture_file(sheet: Path) -> None:
+def test_move_can_be_stored_as_a_gesture_file(sheet: Path) -> None:
     sheet.write_text("elbow,wrist\n0,0.25\n0.5,0.25\n1.25,-0.5\n", encoding="utf-8")
     move = load_move(sheet, rate=50.0)
     frames = tuple((frame.time, frame.positions) for frame in move.keyframes)

@@ -51,9 +51,7 @@ def test_values_separated_by_commas_semicolons_or_tabs_are_columns(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("kind", "write"), WRITERS)
-def test_a_workbook_is_read_from_its_first_sheet_or_the_one_that_is_named(
-    tmp_path: Path, kind: str, write: Write
-) -> None:
+def test_workbook_is_read_from_the_first_or_the_named_sheet(tmp_path: Path, kind: str, write: Write) -> None:
     path = write(tmp_path / f"move.{kind}", {"moves": ROWS, "more": [("wrist",), (1.5,)]})
     assert read_sheet(path).read_numbers("elbow") == [0.0, 0.5, 1.25]
     assert read_sheet(path, "more").read_numbers("wrist") == [1.5]
@@ -66,7 +64,7 @@ def test_an_old_workbook_is_read_too() -> None:
 
 
 @pytest.mark.parametrize(("kind", "write"), WRITERS)
-def test_rows_and_columns_count_as_the_spreadsheet_counts_them(tmp_path: Path, kind: str, write: Write) -> None:
+def test_fault_positions_match_the_spreadsheet_rows_and_columns(tmp_path: Path, kind: str, write: Write) -> None:
     path = tmp_path / f"move.{kind}"
     sheet = read_sheet(write(path, {"moves": [("# ours",), (None, "elbow"), (None, "x"), (None, 2.0)]}))
     assert (sheet.heading_row, sheet.headings) == (2, {"elbow": 2})
@@ -120,11 +118,13 @@ def test_decimal_commas_between_commas_are_cells_too_many(tmp_path: Path) -> Non
         ("a,,b\n1,2,3\n", [(2, 2, "a cell without a heading")]),
     ],
 )
-def test_a_sheet_is_headings_and_rows_under_them(tmp_path: Path, text: str, found: list[tuple[int, int, str]]) -> None:
+def test_malformed_sheet_is_reported_with_position(
+    tmp_path: Path, text: str, found: list[tuple[int, int, str]]
+) -> None:
     assert mistakes(csv(tmp_path, text)) == found
 
 
-def test_what_is_no_spreadsheet_is_refused_in_words(tmp_path: Path) -> None:
+def test_file_that_is_not_a_spreadsheet_is_refused(tmp_path: Path) -> None:
     assert mistakes(tmp_path / "move.txt") == [
         (1, 1, "not a spreadsheet: its name must end in .csv, .xls, .xlsx, .ods"),
     ]
@@ -144,13 +144,13 @@ def test_a_damaged_workbook_is_refused_and_not_choked_on(tmp_path: Path, kind: s
 
 
 @pytest.mark.parametrize("size", [4096, 4608])
-def test_a_workbook_that_breaks_off_is_refused(tmp_path: Path, size: int) -> None:
+def test_truncated_workbook_is_refused(tmp_path: Path, size: int) -> None:
     path = tmp_path / "move.xls"
     path.write_bytes(XLS.read_bytes()[:size])
     assert mistakes(path, "moves") == [(1, 1, "not a valid workbook")]
 
 
-def test_a_workbook_that_asks_for_all_memory_takes_nobody_with_it(tmp_path: Path) -> None:
+def test_workbook_that_exhausts_memory_is_refused(tmp_path: Path) -> None:
     damaged = bytearray(XLS.read_bytes())
     damaged[1950] = 127  # of the number of its first row
     path = tmp_path / "move.xls"
@@ -158,12 +158,12 @@ def test_a_workbook_that_asks_for_all_memory_takes_nobody_with_it(tmp_path: Path
     assert mistakes(path, "moves") == [(1, 1, "not a valid workbook")]
 
 
-def test_a_workbook_that_takes_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_workbook_that_exceeds_the_reading_timeout_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sheets, "READING_TIMEOUT", 0.0)
     assert mistakes(XLS, "moves") == [(1, 1, "not a valid workbook")]
 
 
-def test_a_workbook_without_the_extra_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_sheets_extra_gives_the_install_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_xlsx(tmp_path / "move.xlsx", {"moves": ROWS})
     monkeypatch.setattr(sheets, "find_spec", lambda _: None)
     with pytest.raises(InvalidFileError) as caught:

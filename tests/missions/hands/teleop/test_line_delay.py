@@ -177,7 +177,7 @@ def test_an_answer_belongs_to_one_question_and_whatever_else_looks_like_one_to_n
 
 
 @pytest.mark.parametrize("size", [(80, 24), (1, 1), (200, 1), (1, 60)])
-def test_a_terminal_that_never_answers_is_not_asked_without_end(size: tuple[int, int]) -> None:
+def test_open_queries_to_a_silent_terminal_are_limited(size: tuple[int, int]) -> None:
     clock, asked = ManualClock(), list[str]()
     line = LineDelay(asked.append, clock, lambda: size)
     for _ in range(200):
@@ -195,7 +195,7 @@ def test_a_terminal_that_never_answers_is_not_asked_without_end(size: tuple[int,
     ("relay", "refusal"),
     [("", "the terminal does not answer"), ("mosh-server", "mosh-server answers for the terminal")],
 )
-def test_where_nobody_can_know_the_delay_of_a_far_terminal_keys_do_not_drive(relay: str, refusal: str) -> None:
+def test_keys_do_not_drive_while_a_remote_delay_is_unknown(relay: str, refusal: str) -> None:
     clock = ManualClock()
     line, good = (
         LineDelay(str, clock, lambda: (80, 24), remote=True, relay=relay, allow_unknown=each) for each in (False, True)
@@ -229,7 +229,9 @@ def terminal() -> Iterator[tuple[int, int]]:
         (b"\x1bOR ", ["other", " "], []),
     ],
 )
-def test_answers_are_told_from_keys(typed: bytes, keys: list[str], answers: list[tuple[int, int]]) -> None:
+def test_terminal_answers_are_separated_from_keys(
+    typed: bytes, keys: list[str], answers: list[tuple[int, int]]
+) -> None:
     found: list[tuple[int, int]] = []
     with terminal() as (person, program), KeyReader(program, lambda row, column: found.append((row, column))) as reader:
         os.write(person, typed)
@@ -258,7 +260,7 @@ def test_a_question_goes_to_the_terminal_of_the_keys_and_the_last_answers_are_ta
             os.read(program, 1)
 
 
-def test_ancestors_are_named_whatever_their_names_have_in_them(tmp_path: Path) -> None:
+def test_ancestors_are_parsed_from_any_process_name(tmp_path: Path) -> None:
     for process, name, parent in ((30, "python", 20), (20, "tmux: server) x (", 10), (10, "sshd", 1), (1, "init", 0)):
         (tmp_path / str(process)).mkdir()
         (tmp_path / str(process) / "stat").write_text(f"{process} ({name}) S {parent} 1 1")

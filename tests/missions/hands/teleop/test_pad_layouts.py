@@ -86,7 +86,7 @@ def hand(tmp_path: Path) -> Iterator[Callable[..., InHand]]:
         each.close()
 
 
-def test_a_known_pad_in_d_mode_drives_by_its_left_shoulder_and_stops_by_either_of_two(
+def test_d_mode_pad_drives_by_left_shoulder_and_has_two_stop_buttons(
     hand: Callable[..., InHand],
 ) -> None:
     d_mode = hand(F310)
@@ -112,9 +112,7 @@ def test_a_known_pad_in_d_mode_drives_by_its_left_shoulder_and_stops_by_either_o
         (replace(F310, axes=frozenset({0x10, 0x11})), "its buttons are only numbered"),
     ],
 )
-def test_a_pad_that_nobody_knows_is_refused_with_the_reason_and_what_to_type(
-    hand: Callable[..., InHand], model: PadModel, why: str
-) -> None:
+def test_unknown_pad_is_refused_with_a_teaching_hint(hand: Callable[..., InHand], model: PadModel, why: str) -> None:
     unknown = hand(model)
     with pytest.raises(NotConnected, match=why) as told:
         unknown.pad.open()
@@ -124,7 +122,7 @@ def test_a_pad_that_nobody_knows_is_refused_with_the_reason_and_what_to_type(
     assert unknown.push() is None
 
 
-def test_beside_a_mission_a_pad_that_is_refused_is_reported_once_and_commands_nothing(
+def test_refused_pad_beside_a_mission_is_reported_once_and_sends_nothing(
     hand: Callable[..., InHand],
 ) -> None:
     base, told, unknown = RecordedBase(ManualClock()), list[DeviceStatus](), hand(STRANGER)
@@ -162,7 +160,7 @@ def test_models_have_layouts_and_a_taught_one_goes_first() -> None:
         find_layout("/x", replace(XBOX, buttons=NAMED), {XBOX.key: mine})
 
 
-def test_pads_in_d_mode_are_found_after_those_with_names(tmp_path: Path) -> None:
+def test_d_mode_pads_are_found_after_pads_with_named_buttons(tmp_path: Path) -> None:
     for name, bits in {"event3": "fff00000000 0 0 0 0", "event5": "7cdb000000000000 0 0 0 0"}.items():
         (tmp_path / name / "device" / "capabilities").mkdir(parents=True)
         (tmp_path / name / "device" / "capabilities" / "key").write_text(bits)
@@ -172,7 +170,7 @@ def test_pads_in_d_mode_are_found_after_those_with_names(tmp_path: Path) -> None
 
 
 @given(st.binary(min_size=1, max_size=96))
-def test_codes_are_read_as_the_kernel_writes_them(bits: bytes) -> None:
+def test_kernel_capability_bits_are_parsed(bits: bytes) -> None:
     whole = int.from_bytes(bits, "little")
     assert events.parse_codes(bits) == {at for at in range(8 * len(bits)) if whole >> at & 1}
 
@@ -248,7 +246,7 @@ def person(**changed: list[list[Step]]) -> Person:
 TAUGHT = PadLayout(Control(0x124), (Control(0x122),), Control(0x129), Stick(1, -1, 128), Stick(0, -1, 128))
 
 
-def test_a_pad_is_taught_by_pressing_its_buttons_and_drives_so(hand: Callable[..., InHand], tmp_path: Path) -> None:
+def test_taught_pad_drives_with_its_stored_layout(hand: Callable[..., InHand], tmp_path: Path) -> None:
     layout = person().teach()
     assert layout == TAUGHT
     path = save_layout(STRANGER.key, layout, tmp_path / "mine" / "pads.json")
@@ -261,7 +259,7 @@ def test_a_pad_is_taught_by_pressing_its_buttons_and_drives_so(hand: Callable[..
     assert mine.do((events.KEY, 0x121, 1)) == []
 
 
-def test_triggers_hats_and_sticks_that_rest_elsewhere_are_taught(hand: Callable[..., InHand]) -> None:
+def test_teaching_accepts_triggers_hats_and_off_centre_sticks(hand: Callable[..., InHand]) -> None:
     trigger = axis(2, 90, 255, 255, 30, 0)
     mine = person(
         stop=[axis(0x11, 1, 0)], again=[axis(0x11, 1, 0)], hold=[trigger],
@@ -297,7 +295,7 @@ def test_triggers_hats_and_sticks_that_rest_elsewhere_are_taught(hand: Callable[
         ({2: AxisRange(0, 255)}, 255, (0, 255)),  # turned round
     ],
 )
-def test_a_trigger_of_any_kind_is_known_by_where_it_rests(
+def test_teaching_recognises_a_trigger_by_its_rest_position(
     spans: dict[int, AxisRange], first: int, values: tuple[int, ...]
 ) -> None:
     pressed = axis(2, *values)
@@ -325,7 +323,7 @@ def test_a_trigger_of_any_kind_is_known_by_where_it_rests(
         ({"dry_stop": [[*button(0x129), *button(0x122)]]}, "  that is ENABLE"),
     ],
 )
-def test_a_wrong_press_is_named_and_asked_again(changed: dict[str, list[list[Step]]], said: str) -> None:
+def test_wrong_press_is_named_and_requested_again(changed: dict[str, list[list[Step]]], said: str) -> None:
     mine = person(**changed)
     assert mine.teach() == TAUGHT
     assert said in mine.said
@@ -345,15 +343,13 @@ def test_a_wrong_press_is_named_and_asked_again(changed: dict[str, list[list[Ste
         ({"dry_stop": [button(0x123) * MAX_TRIES]}, "the dry run failed at: press STOP"),
     ],
 )
-def test_teaching_ends_with_nothing_kept_where_it_does_not_come_to_an_end(
-    changed: dict[str, list[list[Step]]], why: str
-) -> None:
+def test_failed_teaching_returns_no_layout(changed: dict[str, list[list[Step]]], why: str) -> None:
     with pytest.raises(TeachingError, match=why):
         person(**changed).teach()
 
 
 @pytest.mark.parametrize("question", [STOP, AGAIN, ENABLES, HOLDS, AHEAD, LEFT, *DRY])
-def test_a_pad_that_is_pulled_out_while_it_is_taught_is_told(question: str) -> None:
+def test_pad_unplugged_during_teaching_is_reported(question: str) -> None:
     mine = person()
     mine.gone = question
     with pytest.raises(NotConnected, match="disconnected"):
@@ -363,7 +359,7 @@ def test_a_pad_that_is_pulled_out_while_it_is_taught_is_told(question: str) -> N
 # --- the file ---------------------------------------------------------------------------------------------------------
 
 
-def test_layouts_of_several_pads_are_kept_beside_each_other(tmp_path: Path) -> None:
+def test_layouts_of_several_pads_are_stored_together(tmp_path: Path) -> None:
     file = tmp_path / "pads.json"
     other = PadLayout(Control(2, 0, 255), (Control(0x11, 0, 1),), Control(0x129), Stick(5, 1, 160), Stick(0, 1))
     assert load_layouts(file) == {}
@@ -410,7 +406,7 @@ def at_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def test_the_command_teaches_a_pad_and_keeps_it(
+def test_teach_pad_command_stores_the_layout(
     at_home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     mine = person()
@@ -427,7 +423,7 @@ def test_the_command_teaches_a_pad_and_keeps_it(
     assert str(pad_store.pads_file()) in mine.said[-1]
 
 
-def test_the_command_does_not_guess_which_of_two_pads_is_meant(
+def test_teach_pad_command_refuses_ambiguous_or_unknown_pads(
     at_home: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(pad, "find_pads", lambda *_: ["/dev/input/event7", "/dev/input/event9"])
@@ -443,7 +439,7 @@ def test_the_command_does_not_guess_which_of_two_pads_is_meant(
 
 
 @pytest.mark.parametrize(("content", "words"), [("{", "cannot be used"), ("{}", "No space left")])
-def test_nothing_is_asked_where_the_answers_could_not_be_kept(
+def test_teaching_is_refused_if_the_layout_cannot_be_stored(
     at_home: Path,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
@@ -519,7 +515,7 @@ def pushed(stick: Stick, span: AxisRange) -> tuple[list[Step], list[Step]]:
     return axis(stick.code, (rest + end) // 2, end), axis(stick.code, (rest + end) // 2, rest)
 
 
-def test_any_pad_is_taught_as_it_is() -> None:
+def test_teaching_recovers_the_layout_of_random_pads() -> None:
     for seed in range(tries(30, most=2000)):
         spans, values, layout = strange_pad(Random(seed))  # noqa: S311 - no secret
         (stop,) = layout.stops

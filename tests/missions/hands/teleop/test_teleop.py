@@ -85,7 +85,7 @@ def held(key: str, start: float, end: float, *, delay: float = 0.5, period: floa
 
 
 @pytest.mark.parametrize("delay", [0.25, 0.5, 0.66])
-def test_a_key_that_is_held_drives_on_through_the_delay_of_its_repeat(delay: float) -> None:
+def test_held_key_drives_through_its_repeat_delay(delay: float) -> None:
     drive = Drive(*held("i", 0.2, 2.2, delay=delay))
     assert min(drive.speed(0.6, 2.2)) == pytest.approx(0.5 * FULL)
 
@@ -98,13 +98,13 @@ def test_the_base_stops_when_the_keys_stop() -> None:
     )  # and it brakes for an eighth of a second
 
 
-def test_a_tap_drives_for_no_longer_than_its_repeat_could_take() -> None:
+def test_tapped_key_drives_no_longer_than_the_key_hold_time() -> None:
     drive = Drive((0.2, "i"))
     assert max(drive.speed(0.2)) > 0.2
     assert max(drive.speed(0.2 + KEY_HOLD_TIME + COMMAND_INTERVAL + 0.25)) == 0.0
 
 
-def test_a_line_that_stutters_does_not_stop_it_but_one_that_is_silent_does() -> None:
+def test_base_stops_for_a_silent_line_but_not_for_a_short_gap() -> None:
     keys = held("i", 0.2, 3.0)
     drive = Drive(*(key for key in keys if key[0] <= 1.0 or 1.25 <= key[0] <= 2.0), seconds=4.0)
     assert min(drive.speed(0.6, 2.0)) > 0.2
@@ -112,20 +112,20 @@ def test_a_line_that_stutters_does_not_stop_it_but_one_that_is_silent_does() -> 
 
 
 @pytest.mark.parametrize("key", ["k", "s", "other", "5"])
-def test_every_key_that_means_nothing_stops_at_once(key: str) -> None:
+def test_unassigned_key_stops_at_once(key: str) -> None:
     drive = Drive((0.2, "i"), (0.5, key))
     assert max(drive.speed(0.45, 0.5)) > 0.2
     assert max(drive.speed(0.5 + COMMAND_INTERVAL + 0.15)) == 0.0
 
 
 @pytest.mark.parametrize(("key", "push"), DRIVE_KEYS.items())
-def test_each_key_drives_its_own_way(key: str, push: DriveInput) -> None:
+def test_each_key_drives_in_its_direction(key: str, push: DriveInput) -> None:
     drive = Drive((0.2, key), seconds=0.9)
     _, ahead, turn = drive.speeds[-3]
     assert (ahead, turn) == pytest.approx((push.ahead * FULL / 2, push.left * TURNING / 2), abs=0.02)
 
 
-def test_a_key_counts_as_held_for_long_only_when_it_was_pressed_anew() -> None:
+def test_repeat_hold_time_applies_after_a_repeated_key() -> None:
     keys = HeldKeys()
     keys.press("i", 10.0)
     assert keys.push(10.0 + KEY_HOLD_TIME) == DriveInput(1, 0)
@@ -144,7 +144,7 @@ def test_a_key_counts_as_held_for_long_only_when_it_was_pressed_anew() -> None:
         st.tuples(st.floats(0.0, 0.5), st.sampled_from([*DRIVE_KEYS, *SPEED_KEYS, "k", " ", "left", "x"])), max_size=40
     )
 )
-def test_whatever_is_typed_it_stops_when_nothing_is(typed: list[tuple[float, str]]) -> None:
+def test_base_stops_after_the_last_key_of_any_sequence(typed: list[tuple[float, str]]) -> None:
     keys, now = HeldKeys(), 0.0
     for wait, key in typed:
         now += wait
@@ -157,7 +157,7 @@ def test_the_help_names_every_key() -> None:
 
 
 @pytest.mark.parametrize(("waited", "latched"), [("i" * 75, False), ("i" * 40 + " " + "i" * 30 + "\r", True)])
-def test_keys_that_waited_while_all_was_held_up_drive_nothing_but_still_stop(waited: str, latched: bool) -> None:
+def test_delayed_keys_do_not_drive_but_still_latch(waited: str, latched: bool) -> None:
     keys = [(0.2, "i"), (0.7, "i"), *((0.75, "enter" if key == "\r" else key) for key in waited)]
     drive = Drive(*keys, held_up=(0.72, 5.0), seconds=6.5)
     assert max(drive.speed(0.5, 0.7)) > 0.2
@@ -165,7 +165,7 @@ def test_keys_that_waited_while_all_was_held_up_drive_nothing_but_still_stop(wai
     assert bool(drive.base.latched) is latched
 
 
-def test_a_key_that_is_held_while_the_base_is_away_drives_only_when_it_is_pressed_anew() -> None:
+def test_key_held_through_a_reconnect_must_be_pressed_again() -> None:
     drive = Drive(*held("i", 0.2, 3.0), *held("i", 3.6, 4.5), away=(1.0, 2.5), seconds=5.0)
     assert min(drive.speed(0.6, 1.0)) > 0.2
     assert max(drive.speed(1.6, 3.5)) == 0.0
@@ -194,7 +194,7 @@ def test_enter_alone_sets_nothing_in_motion() -> None:
     assert max(drive.speed(0.6)) == 0.0
 
 
-def test_speeds_begin_at_half_the_limits_and_never_leave_them() -> None:
+def test_speeds_begin_at_half_and_stay_within_the_limits() -> None:
     by, base, _ = pilot()
     by.steer(DriveInput(1, -1))
     assert base.commands == [(Source.TELEOP, Velocity(0.25, -base.limits.turn / 2))]
@@ -222,7 +222,7 @@ def test_the_arrows_turn_the_head_step_by_step() -> None:
     assert head.commands[-1] == HeadPose(pan=2 * HEAD_STEP, tilt=-HEAD_STEP)
 
 
-def test_a_robot_without_a_head_and_one_whose_head_is_gone_drive_on() -> None:
+def test_base_drives_with_a_missing_or_disconnected_head() -> None:
     by, base, head = pilot()
     head.trouble = NotConnected("head: the cable is out")
     by.press("left")
@@ -233,7 +233,7 @@ def test_a_robot_without_a_head_and_one_whose_head_is_gone_drive_on() -> None:
     assert len(base.commands) == 1
 
 
-def test_a_base_that_is_gone_is_told_and_driven_again_when_it_is_back() -> None:
+def test_disconnected_base_is_reported_and_drives_after_reconnect() -> None:
     by, base, _ = pilot()
     base.trouble = NotConnected("base: /dev/kobuki: no such device")
     by.steer(DriveInput(1, 0))
@@ -244,13 +244,13 @@ def test_a_base_that_is_gone_is_told_and_driven_again_when_it_is_back() -> None:
     assert "no such device" not in by.status_line()
 
 
-def test_enabling_is_a_command_of_its_own() -> None:
+def test_enter_key_enables_the_base() -> None:
     by, base, _ = pilot()
     by.press("enter")
     assert base.commands == [ENABLE]
 
 
-def test_the_line_says_who_commands_why_not_all_of_it_and_what_is_felt() -> None:
+def test_status_line_shows_source_limitation_contacts_and_battery() -> None:
     drive = Drive(seconds=0.1)
     by = Pilot(drive.base)
     drive.base.press(cliff=Sides(left=True))

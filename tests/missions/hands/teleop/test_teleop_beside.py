@@ -61,7 +61,7 @@ def node(tmp_path: Path) -> Iterator[Node]:
 
 
 @pytest.mark.real_time
-def test_whoever_holds_the_button_has_the_wheels_and_the_mission_gets_them_back(node: Node) -> None:
+def test_pad_drives_while_held_and_mission_resumes_on_release(node: Node) -> None:
     clock, ending = SystemClock(), Event()
     terminal = PseudoTerminal("kobuki", VirtualKobuki(), clock)
     base = kobuki_base(SerialLink("base", terminal.path, BAUD), clock)
@@ -128,7 +128,7 @@ def test_a_pad_may_come_late_and_go_and_come_again(node: Node) -> None:
         (("hello.yaml",), "--pad drives the base, which hello does not use"),
     ],
 )
-def test_a_pad_that_could_drive_nothing_is_refused(
+def test_pad_option_without_a_base_to_drive_is_refused(
     arguments: tuple[str, ...],
     words: str,
     capsys: pytest.CaptureFixture[str],
@@ -141,7 +141,7 @@ def test_a_pad_that_could_drive_nothing_is_refused(
     assert (outcome.code, words in outcome.err) == (2, True)
 
 
-def test_a_pad_that_was_asked_for_and_is_not_there_is_a_part_that_is_missing(
+def test_missing_pad_device_is_reported_as_disconnected_part(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("missions.assembly.assembled_robot.CONNECT_TIMEOUT", 0.5)

@@ -107,7 +107,7 @@ def test_a_key_drives_and_escape_ends_with_the_base_at_rest() -> None:
 
 
 @pytest.mark.real_time
-def test_over_a_line_that_is_too_slow_a_key_drives_nothing_and_the_reason_is_shown() -> None:
+def test_slow_line_blocks_driving_and_shows_the_reason() -> None:
     with lone_base() as base, teleop("--robot", LONE_ROBOT, "--port", base.port, delay=1.0) as terminal:
         wait_until(lambda: terminal.shows("Ctrl-C ends"))
         wait_until(lambda: terminal.shows("line too slow: 1."), pause=0.02)  # before anybody presses a key
@@ -126,7 +126,7 @@ def test_over_a_line_that_is_too_slow_a_key_drives_nothing_and_the_reason_is_sho
         assert terminal.process.wait(20.0) == 0
 
 
-def test_over_a_line_whose_delay_nobody_can_know_keys_drive_only_if_that_is_said(
+def test_unknown_line_delay_blocks_driving_unless_allowed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setenv("TMUX", "/tmp/tmux-1000/default,1,0")  # noqa: S108 - a name, and no file
@@ -137,14 +137,14 @@ def test_over_a_line_whose_delay_nobody_can_know_keys_drive_only_if_that_is_said
         wait_until(lambda: terminal.hold() and terminal.shows("+0.25 m/s"), pause=0.02)
 
 
-def test_a_signal_ends_it_with_the_base_at_rest() -> None:
+def test_sigterm_ends_teleop_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.process.send_signal(signal.SIGTERM)
         assert terminal.process.wait(20.0) == 130
         wait_until(lambda: not base.seen().moving)
 
 
-def test_a_reader_of_its_output_that_goes_ends_it() -> None:
+def test_closed_output_ends_teleop() -> None:
     master, slave = pty.openpty()
     process = subprocess.Popen(
         [sys.executable, "-m", "missions", "teleop"],
@@ -162,7 +162,7 @@ def test_a_reader_of_its_output_that_goes_ends_it() -> None:
     os.close(master)
 
 
-def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
+def test_broken_line_ends_teleop_with_the_base_at_rest() -> None:
     with driving() as (terminal, base):
         terminal.hang_up()
         terminal.process.wait(20.0)
@@ -170,7 +170,7 @@ def test_a_line_that_breaks_ends_it_with_the_base_at_rest() -> None:
 
 
 @pytest.mark.real_time
-def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
+def test_teleop_drives_a_virtual_robot_without_a_robot_file() -> None:
     with teleop("--world", "corridor", "--speed", "30 %") as terminal:
         wait_until(lambda: terminal.shows("30 % | "))
         wait_until(lambda: terminal.hold() and terminal.shows("+0.15 m/s"), pause=0.02)
@@ -192,7 +192,7 @@ def test_it_drives_a_virtual_robot_in_a_world_where_none_is_named() -> None:
         (("--pad", "pipe", "--robot", "bodiless.yaml"), 2, "bodiless has no base"),
     ],
 )
-def test_what_cannot_be_done_is_said_in_words(
+def test_invalid_teleop_arguments_are_refused_with_a_reason(
     arguments: tuple[str, ...],
     code: int,
     words: str,

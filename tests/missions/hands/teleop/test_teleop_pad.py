@@ -81,7 +81,7 @@ def test_any_bytes_are_events_or_none(data: bytes) -> None:
     assert len(parse_events(data)) == len(data) // (len(TIME) + 8)
 
 
-def test_the_kernel_is_asked_for_the_ends_of_an_axis_by_its_own_number() -> None:
+def test_axis_range_is_requested_by_axis_number() -> None:
     assert [range_request(axis) for axis in (0, 1)] == [0x80184540, 0x80184541]
     info = b"".join(number.to_bytes(4, "little") for number in (128, 0, 255, 0, 15, 0))
     assert parse_range(info) == AxisRange(0, 255)
@@ -90,7 +90,7 @@ def test_the_kernel_is_asked_for_the_ends_of_an_axis_by_its_own_number() -> None
 
 
 @given(st.integers(-40000, 40000), st.integers(-40000, 40000))
-def test_a_stick_gives_more_the_further_it_is_pushed_and_no_more_than_all(one: int, other: int) -> None:
+def test_stick_scale_is_monotonic_and_bounded(one: int, other: int) -> None:
     span = AxisRange(-32768, 32767)
     low, high = (span.scale(value, DEAD_ZONE) for value in sorted((one, other)))
     assert -1.0 <= low <= high <= 1.0
@@ -105,7 +105,7 @@ def test_the_stick_drives_only_while_the_shoulder_button_is_held(held: Held) -> 
     assert held.push() is None
 
 
-def test_near_its_middle_a_stick_is_in_its_middle_and_small_pushes_are_fine_ones(held: Held) -> None:
+def test_stick_has_a_dead_zone_and_fine_control_for_small_pushes(held: Held) -> None:
     held.do(HOLD, PadEvent(layout.ABS, layout.STICK_Y, 3000))
     assert held.push() == DriveInput(0.0, 0.0)
     held.do(PadEvent(layout.ABS, layout.STICK_Y, -18000))
@@ -114,7 +114,7 @@ def test_near_its_middle_a_stick_is_in_its_middle_and_small_pushes_are_fine_ones
     assert 0.2 < push.ahead < 0.3
 
 
-def test_a_pad_that_says_nothing_any_more_is_let_go_of_until_it_is_held_anew(held: Held) -> None:
+def test_silent_pad_is_released_until_held_again(held: Held) -> None:
     held.do(HOLD, AHEAD)
     held.clock.advance(SILENCE_TIMEOUT)
     assert held.push() == DriveInput(1.0, 0.0)
@@ -126,7 +126,7 @@ def test_a_pad_that_says_nothing_any_more_is_let_go_of_until_it_is_held_anew(hel
     assert held.push() == DriveInput(1.0, 0.0)
 
 
-def test_a_gap_in_the_events_lets_go(held: Held) -> None:
+def test_dropped_events_release_the_pad(held: Held) -> None:
     held.do(HOLD, AHEAD, PadEvent(layout.SYN, layout.SYN_DROPPED, 0))
     assert held.push() is None
 
@@ -138,7 +138,7 @@ def test_buttons_and_the_cross_are_keys(held: Held) -> None:
     assert held.do(*pressed) == [LATCH_KEY, ENABLE_KEY]
 
 
-def test_who_enables_the_base_has_to_hold_the_button_anew(held: Held) -> None:
+def test_latch_and_enable_require_the_hold_button_again(held: Held) -> None:
     for key in (LATCH_KEY, ENABLE_KEY):
         held.do(HOLD, AHEAD)
         held.pad.press("q", 0.0)
@@ -147,7 +147,7 @@ def test_who_enables_the_base_has_to_hold_the_button_anew(held: Held) -> None:
         assert held.push() is None
 
 
-def test_a_pad_that_is_pulled_out_while_it_drives_stops_the_base(held: Held) -> None:
+def test_unplugged_pad_stops_the_base(held: Held) -> None:
     base = RecordedBase(held.clock)
     held.do(HOLD, AHEAD)
     ticks = iter(range(9))
@@ -164,12 +164,12 @@ def test_a_pad_that_is_pulled_out_while_it_drives_stops_the_base(held: Held) -> 
     assert base.commands[-2] == "stop"
 
 
-def test_a_node_that_is_not_there_or_not_ours_is_told(tmp_path: Path) -> None:
+def test_missing_pad_device_is_refused(tmp_path: Path) -> None:
     with pytest.raises(NotConnected, match="no such device"):
         Pad(str(tmp_path / "event9"), ManualClock()).open()
 
 
-def test_the_ends_of_what_is_no_pad_are_unknown_and_it_drives_nothing(tmp_path: Path) -> None:
+def test_plain_file_as_pad_drives_nothing(tmp_path: Path) -> None:
     file = tmp_path / "event1"
     file.write_bytes(HOLD.pack() + AHEAD.pack())
     plain = Pad(str(file), ManualClock(inf))
@@ -200,5 +200,5 @@ def test_the_first_game_pad_is_found_among_keyboards_and_mice(tmp_path: Path) ->
         find_pad(tmp_path / "event10")
 
 
-def test_the_help_of_the_pad_names_its_buttons() -> None:
+def test_pad_help_names_the_buttons() -> None:
     assert all(word in pad.PAD_HELP for word in ("left shoulder", "left stick", "cross", "east", "Start"))

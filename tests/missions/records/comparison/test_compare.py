@@ -53,13 +53,13 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(command, ["compare", *map(str, arguments)])
 
 
-def test_a_run_decides_as_itself(tmp_path: Path) -> None:
+def test_record_compared_with_itself_has_no_difference(tmp_path: Path) -> None:
     found = comparison(tmp_path, items())
     assert (found.first_difference, found.settings, found.nodes) == (None, {}, 7)
     assert {leaf.seconds.a == leaf.seconds.b for leaf in found.leaves} == {True}
 
 
-def test_a_leaf_that_takes_longer_decides_nothing(tmp_path: Path) -> None:
+def test_longer_leaf_is_not_a_different_decision(tmp_path: Path) -> None:
     found = comparison(tmp_path, changed(DRIVE, 4.0, by=0.5))
     assert found.first_difference is None
     assert {leaf.place.name: (leaf.seconds.b or 0.0) - leaf.seconds.a for leaf in found.leaves if leaf.seconds.a} == {
@@ -69,21 +69,21 @@ def test_a_leaf_that_takes_longer_decides_nothing(tmp_path: Path) -> None:
     }
 
 
-def test_the_leaf_that_ends_otherwise_is_named_and_not_what_follows_from_it(tmp_path: Path) -> None:
+def test_first_leaf_with_another_result_is_reported(tmp_path: Path) -> None:
     path, other = runs(tmp_path, changed(DRIVE, 5.0, status="success", reason="there"))
     told = run(path, other).output
     assert "First different decision: drive (1.3.1), m.yaml, line 2:\n  A  5.00 s  failure (" in told
     assert "\n  B  5.00 s  success (there)\n" in told
 
 
-def test_a_node_that_one_of_them_never_asks_is_where_they_part(tmp_path: Path) -> None:
+def test_skipped_node_is_the_first_difference(tmp_path: Path) -> None:
     less = [item for item in items() if not (isinstance(item, NodeChanged) and item.node == SAY)]
     split = comparison(tmp_path, less).first_difference
     assert split is not None
     assert (split.place.key, split.changes.b) == (SAY, None)
 
 
-def test_what_only_one_tree_has_is_told_and_shifts_no_other(tmp_path: Path) -> None:
+def test_added_node_is_listed_and_does_not_shift_others(tmp_path: Path) -> None:
     first, *rest = DRAWING.root.children
     root = replace(DRAWING.root, children=(replace(first, key="1.9", kind="nod", name="nod"), first, *rest))
     path, other = runs(tmp_path, [*items(), NodeChanged(0.2, 4, "1.9", "nod", "nod", 1, "success", "")],
@@ -93,7 +93,7 @@ def test_what_only_one_tree_has_is_told_and_shifts_no_other(tmp_path: Path) -> N
     assert [leaf["goes"] for leaf in found["leaves"] if leaf["name"] == "nod"] == [{"a": None, "b": 1}]
 
 
-def test_what_they_were_run_with_is_told_where_it_differs(tmp_path: Path) -> None:
+def test_differing_run_settings_are_listed(tmp_path: Path) -> None:
     path, other = runs(tmp_path, items(), head=replace(REAL, seed=8, values={"patience": "9 s"}))
     lines = [line.split() for line in run(path, other).output.splitlines()]
     assert ["seed", "7", "8"] in lines
@@ -120,7 +120,7 @@ def test_trees_without_a_node_in_common_are_refused(tmp_path: Path) -> None:
     assert (result.exit_code, "have no node in common" in result.output) == (2, True)
 
 
-def test_a_file_that_is_no_record_is_told(tmp_path: Path) -> None:
+def test_file_that_is_not_a_record_is_refused(tmp_path: Path) -> None:
     (tmp_path / "no.mcap").write_bytes(b"no")
     result = run(runs(tmp_path, items())[0], tmp_path / "no.mcap")
     assert (result.exit_code, "no.mcap" in result.output) == (1, True)

@@ -7,7 +7,7 @@ from missions.plugins.records.recording.budget import FrameBudget
 
 
 @given(st.floats(0.5, 30.0), st.floats(1.0, 60.0))
-def test_frames_are_kept_at_the_rate_at_most(rate: float, camera: float) -> None:
+def test_frames_are_recorded_at_the_given_rate_at_most(rate: float, camera: float) -> None:
     budget = FrameBudget(1e9, rate)
     kept = [number / camera for number in range(int(20 * camera)) if budget.accept(number / camera)]
     assert len(kept) <= 20 * rate + 2
@@ -15,7 +15,7 @@ def test_frames_are_kept_at_the_rate_at_most(rate: float, camera: float) -> None
 
 
 @given(st.integers(1_000, 500_000), st.integers(1, 100))
-def test_pictures_never_take_more_than_there_is_room_for(room: int, size: int) -> None:
+def test_recorded_frames_never_exceed_the_byte_budget(room: int, size: int) -> None:
     budget = FrameBudget(room, 5.0)
     used = 0
     for number in range(20_000):

@@ -96,9 +96,7 @@ def ask_everything(record: RunRecord) -> None:
 
 
 @given(DAMAGES)
-def test_a_damaged_record_is_read_as_far_as_it_goes_or_refused_in_words(
-    samples: Samples, path: Path, damage: Damage
-) -> None:
+def test_damaged_record_is_read_partly_or_refused(samples: Samples, path: Path, damage: Damage) -> None:
     path.write_bytes(damaged(samples.closed, damage))
     with suppress(InvalidRecordError):
         ask_everything(open_record(path))
@@ -112,9 +110,7 @@ def test_anything_else_is_refused_in_words(path: Path, data: bytes, begins_well:
 
 
 @given(DAMAGES, st.booleans())
-def test_mending_keeps_all_that_could_be_read_and_every_reader_finds_it(
-    samples: Samples, path: Path, damage: Damage, was_closed: bool
-) -> None:
+def test_repair_keeps_all_readable_messages(samples: Samples, path: Path, damage: Damage, was_closed: bool) -> None:
     path.write_bytes(damaged(samples.closed if was_closed else samples.unclosed, damage))
     container = scan_file(path)
     before = [] if container is None else list(container.messages())
@@ -131,7 +127,7 @@ def test_mending_keeps_all_that_could_be_read_and_every_reader_finds_it(
 
 @settings(max_examples=30)
 @given(st.floats(0.0, 1.0))
-def test_a_mending_that_is_killed_is_finished_by_the_next(samples: Samples, path: Path, share: float) -> None:
+def test_interrupted_repair_is_finished_by_the_next(samples: Samples, path: Path, share: float) -> None:
     path.write_bytes(samples.unclosed[:-10])
     before = readable(path)
     repair_record(path)
@@ -143,7 +139,7 @@ def test_a_mending_that_is_killed_is_finished_by_the_next(samples: Samples, path
     assert by_the_plain_reader(path) == before
 
 
-def test_a_record_that_was_not_closed_has_everything_up_to_its_last_chunk(samples: Samples, path: Path) -> None:
+def test_unclosed_record_is_readable_up_to_its_last_chunk(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     assert readable(path) == samples.written
     path.write_bytes(samples.unclosed[: chunks_of(path)[-1].end - 1])
@@ -154,7 +150,7 @@ def test_a_record_that_was_not_closed_has_everything_up_to_its_last_chunk(sample
     assert 3.0 < open_record(path).end_time <= END
 
 
-def test_a_chunk_that_does_not_match_its_checksum_is_left_out_and_nothing_else(samples: Samples, path: Path) -> None:
+def test_only_the_chunk_with_a_bad_checksum_is_skipped(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     chunk = chunks_of(path)[3]
     path.write_bytes(
@@ -171,7 +167,7 @@ def test_a_chunk_that_does_not_match_its_checksum_is_left_out_and_nothing_else(s
     assert path.read_bytes()[chunk.start] == FIRST_PRIVATE_OPCODE
 
 
-def test_beyond_a_stretch_of_rubbish_reading_goes_on_at_the_next_chunk(samples: Samples, path: Path) -> None:
+def test_reading_continues_at_the_next_chunk_after_a_damaged_range(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     chunk = chunks_of(path)[3]
     path.write_bytes(samples.unclosed[: chunk.start] + bytes(500) + samples.unclosed[chunk.start + 500 :])
@@ -182,13 +178,13 @@ def test_beyond_a_stretch_of_rubbish_reading_goes_on_at_the_next_chunk(samples: 
     assert by_the_plain_reader(path) == left
 
 
-def test_zeros_behind_the_last_record_as_a_power_cut_leaves_them_are_cut_off(samples: Samples, path: Path) -> None:
+def test_repair_cuts_trailing_zeros(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed + bytes(4096))
     assert repair_record(path).bytes_cut >= 4096
     assert repair_record(path).already_closed
 
 
-def test_no_length_makes_it_take_much_memory(samples: Samples, path: Path) -> None:
+def test_huge_length_fields_use_little_memory(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     chunk = chunks_of(path)[3]
     for at, least in ((chunk.start + 1, 8), (chunk.start + 9 + 16, 8)):  # of the record; of what it unpacks to
@@ -199,7 +195,7 @@ def test_no_length_makes_it_take_much_memory(samples: Samples, path: Path) -> No
         assert len(told) + len(container.damaged_spans) == 1
 
 
-def test_a_record_that_is_being_written_is_not_mended(samples: Samples, path: Path) -> None:
+def test_repair_refuses_a_record_that_is_being_written(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     with path.open("rb") as file:
         fcntl.flock(file, fcntl.LOCK_EX)
@@ -208,7 +204,7 @@ def test_a_record_that_is_being_written_is_not_mended(samples: Samples, path: Pa
     assert path.read_bytes() == samples.unclosed
 
 
-def test_a_record_without_its_beginning_is_left_as_it_is(samples: Samples, path: Path) -> None:
+def test_repair_leaves_a_record_without_beginning_unchanged(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.unclosed)
     chunk = chunks_of(path)[0]
     data = samples.unclosed[: chunk.start + 60] + bytes(9) + samples.unclosed[chunk.start + 69 :]
@@ -220,14 +216,14 @@ def test_a_record_without_its_beginning_is_left_as_it_is(samples: Samples, path:
         open_record(path)
 
 
-def test_what_is_no_mcap_file_is_not_touched(path: Path) -> None:
+def test_repair_leaves_other_files_unchanged(path: Path) -> None:
     path.write_text("mission: greet\n")
     with pytest.raises(RepairError, match="not an MCAP file"):
         repair_record(path)
     assert path.read_text() == "mission: greet\n"
 
 
-def test_without_an_index_the_places_are_those_of_the_index(samples: Samples, path: Path) -> None:
+def test_spans_without_an_index_equal_the_indexed_spans(samples: Samples, path: Path) -> None:
     path.write_bytes(samples.closed)
     indexed = surveyed(path)
     path.write_bytes(samples.unclosed)

@@ -25,14 +25,14 @@ def drive(wanted: float, given: float) -> Answer:
     return "base", "drive", (Velocity(wanted, 0.0),), Velocity(given, 0.0)
 
 
-def test_a_state_is_told_ten_times_a_second_and_only_when_it_is_new() -> None:
+def test_base_state_is_recorded_ten_times_a_second_if_new() -> None:
     ticks = [(tick / 50, [state(tick / 50)]) for tick in range(51)]
     told = [figure.t for figure in figures(*ticks) if figure.topic == "/state/base"]
     assert len(told) == 11
     assert [figure.topic for figure in figures((1.0, [state(1.0)]), (2.0, [state(1.0)]))].count("/state/base") == 1
 
 
-def test_what_stays_as_it_is_is_told_twice_a_second_and_a_change_at_once() -> None:
+def test_unchanged_pose_is_recorded_twice_a_second_and_a_change_at_once() -> None:
     poses = [HeadPose(0.1 if tick < 60 else 0.2, 0.0) for tick in range(75)]
     ticks: list[tuple[float, list[Answer]]] = [
         (tick / 50, [("head", "pose", (), Reading(pose, tick / 50, Quality.GOOD))]) for tick, pose in enumerate(poses)
@@ -43,7 +43,7 @@ def test_what_stays_as_it_is_is_told_twice_a_second_and_a_change_at_once() -> No
         assert told[-1] == 1.2
 
 
-def test_what_was_wanted_is_told_for_as_long_as_a_command_holds() -> None:
+def test_requested_speed_lasts_as_long_as_its_command() -> None:
     told = figures(
         (1.0, [state(1.0), drive(0.5, 0.3)]), (1.2, [state(1.2)]), (1.4, [state(1.4)]), (1.5, [state(1.5), drive(1, 1)])
     )
@@ -53,28 +53,28 @@ def test_what_was_wanted_is_told_for_as_long_as_a_command_holds() -> None:
     assert wanted == [(0.5, 0.3), (0.5, 0.3), (0.0, 0.0), (1, 1)]
 
 
-def test_a_stop_ends_what_was_wanted() -> None:
+def test_stop_resets_the_requested_speed() -> None:
     told = figures((1.0, [drive(0.5, 0.5), ("base", "stop", (None,), None), state(1.0)]))
     assert [figure.data["requested_speed"] for figure in told if figure.topic == "/state/base"] == [0.0]
 
 
-def test_a_place_that_is_no_number_is_no_frame() -> None:
+def test_position_that_is_not_a_number_gives_no_frame() -> None:
     assert {figure.topic for figure in figures((1.0, [state(1.0, nan)]))} == {"/state/base"}
 
 
-def test_a_head_is_told_with_where_it_is_to_look() -> None:
+def test_head_state_includes_the_requested_pose() -> None:
     pose = Reading(HeadPose(0.1, 0.2), 1.0, Quality.GOOD)
     told = figures((1.0, [("head", "pose", (), pose), ("head", "look", (HeadPose(9.0, 0.0),), HeadPose(1.0, 0.0))]))
     (head,) = (figure.data for figure in told if figure.topic == "/state/head")
     assert (head["pan"], head["tilt"], head["requested_pan"], head["requested_tilt"]) == (0.1, 0.2, 1.0, 0.0)
 
 
-def test_another_head_turns_no_camera() -> None:
+def test_pose_of_another_head_gives_no_camera_frame() -> None:
     pose = Reading(HeadPose(0.1, 0.2), 1.0, Quality.GOOD)
     assert figures((1.0, [("lidar_mast", "pose", (), pose)])) == []
 
 
-def test_the_joints_of_all_arms_are_told_together() -> None:
+def test_joints_of_all_arms_are_recorded_together() -> None:
     bench = LeafTestBench()
     answers: list[Answer] = [(part, "states", (), bench.arm.states()) for part in ("arm", "right_arm")]
     (arms,) = figures((1.0, answers))

@@ -33,7 +33,7 @@ def gathered(order: RunRequest) -> tuple[RecordContents, Mapping[Path, bytes]]:
     return contents_of(order, runner.plan, config, files, started=STARTED, command=("mission", "run")), files
 
 
-def test_the_files_of_a_shipped_mission_are_all_there() -> None:
+def test_record_contains_all_files_of_a_shipped_mission() -> None:
     contents, files = gathered(RunRequest("greet", simulate="fast", seed=3))
     assert set(contents.files) == {
         "mission/greet.yaml",
@@ -53,7 +53,7 @@ def test_the_files_of_a_shipped_mission_are_all_there() -> None:
     assert b'"mission": "greet"' in contents.tree
 
 
-def test_what_the_user_brings_along_is_there_too(tmp_path: Path) -> None:
+def test_record_contains_the_users_own_files(tmp_path: Path) -> None:
     inner = tmp_path / "inner"
     inner.mkdir()
     (tmp_path / "leaf.py").write_text(LEAF, encoding="utf-8")
@@ -72,7 +72,7 @@ def test_what_the_user_brings_along_is_there_too(tmp_path: Path) -> None:
     assert head.values == {"to": "5"}
 
 
-def test_a_file_that_changes_after_it_was_read_is_kept_as_it_was(tmp_path: Path) -> None:
+def test_record_contains_files_as_they_were_read(tmp_path: Path) -> None:
     path = tmp_path / "short.yaml"
     path.write_text("mission: short\ntree: {wait: 1 s}\n", encoding="utf-8")
     with collect_read_files() as files:
@@ -84,7 +84,7 @@ def test_a_file_that_changes_after_it_was_read_is_kept_as_it_was(tmp_path: Path)
     assert contents.files["mission/short.yaml"] == before
 
 
-def test_nobody_is_told_of_files_outside(tmp_path: Path) -> None:
+def test_inner_file_collection_hides_reads_from_the_outer(tmp_path: Path) -> None:
     path = tmp_path / "a"
     path.write_bytes(b"x")
     with collect_read_files() as outer:
@@ -95,7 +95,7 @@ def test_nobody_is_told_of_files_outside(tmp_path: Path) -> None:
     assert not outer
 
 
-def test_no_password_of_a_camera_is_kept(tmp_path: Path) -> None:
+def test_camera_passwords_are_not_recorded(tmp_path: Path) -> None:
     robot = tmp_path / "far.yaml"
     robot.write_text(
         "robot: far\ncamera: {source: 'http://me:secret@cam:81/stream?pwd=secret', rotate: 90}\nvoice: {}\n"

@@ -77,15 +77,13 @@ def write(
         {"eye": [0.0, 1e308, 0.0]},
     ],
 )
-def test_a_head_that_nobody_can_reckon_with_is_refused(tmp_path: Path, said: Mapping[str, object]) -> None:
+def test_header_with_invalid_values_is_refused(tmp_path: Path, said: Mapping[str, object]) -> None:
     path = write(tmp_path / "a.mcap", [about(**said)])
     with pytest.raises(InvalidRecordError, match="damaged record"):
         open_record(path)
 
 
-def test_a_file_that_unpacks_to_far_more_than_it_is_is_not_unpacked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_decompression_bomb_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(container, "EXPANSION_ALLOWANCE", 1_000_000)
     path = write(
         tmp_path / "a.mcap", [about(), *(("/log", {"t": 1.0, "kind": "voice", "message": "x" * 60_000}),) * 200]
@@ -97,13 +95,13 @@ def test_a_file_that_unpacks_to_far_more_than_it_is_is_not_unpacked(
         _ = open_record(path).events
 
 
-def test_what_a_run_writes_is_nowhere_near_that(tmp_path: Path) -> None:
+def test_normal_record_stays_far_below_the_expansion_limit(tmp_path: Path) -> None:
     written = open_record(write_small(tmp_path / "a.mcap", small_items(), every=1000))
     unpacked = sum(chunk.uncompressed_size for _, chunk, _ in written.container.chunks())
     assert unpacked < 0.2 * container.MAX_EXPANSION_RATIO * written.path.stat().st_size
 
 
-def test_an_index_that_names_one_chunk_many_times_is_not_believed(tmp_path: Path) -> None:
+def test_index_with_repeated_chunks_is_ignored(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", [about(), ("/log", {"t": 1.0, "kind": "voice", "message": "once"})])
     data = path.read_bytes()
     footer = len(data) - 8 - 29
@@ -122,7 +120,7 @@ def test_an_index_that_names_one_chunk_many_times_is_not_believed(tmp_path: Path
     assert [event.event for event in record.events] == ["log"]
 
 
-def test_false_beginnings_of_chunks_do_not_hold_it_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_false_chunk_starts_do_not_slow_the_scan(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mcap_scan, "MAX_SEARCHED_BYTES", 10_000_000)
     whole = write_small(tmp_path / "whole.mcap", small_items(), close=False).read_bytes()
     false = struct.pack("<BQ", Opcode.CHUNK, 900_000) + bytes(28) + b"\x04\0\0\0zstd" + bytes(20)
@@ -140,7 +138,7 @@ def test_false_beginnings_of_chunks_do_not_hold_it_up(tmp_path: Path, monkeypatc
     assert read_bytes[0] < 12_000_000
 
 
-def test_millions_of_records_that_say_nothing_take_no_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_millions_of_empty_records_use_little_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mcap_scan, "MAX_SPANS", 1000)
     whole = write_small(tmp_path / "whole.mcap", small_items(), close=False).read_bytes()
     path = tmp_path / "a.mcap"
@@ -154,7 +152,7 @@ def test_millions_of_records_that_say_nothing_take_no_memory(tmp_path: Path, mon
 
 
 @pytest.mark.parametrize("most", ["MAX_MESSAGES", "MAX_MESSAGE_BYTES"])
-def test_more_than_can_be_kept_in_memory_is_told_with_what_to_type(
+def test_record_too_large_for_memory_is_refused_with_a_hint(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, most: str
 ) -> None:
     monkeypatch.setattr(run_record, most, 50)
@@ -164,7 +162,7 @@ def test_more_than_can_be_kept_in_memory_is_told_with_what_to_type(
     assert len(list(record.frames())) == 4  # one by one
 
 
-def test_files_in_it_that_fill_the_memory_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_oversized_attached_files_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_record, "MAX_FILE_BYTES", 1_000_000)
     path = write(tmp_path / "a.mcap", [about()], {f"world/{number}": bytes(600_000) for number in range(2)})
     with pytest.raises(InvalidRecordError, match="has attached files of more than 1 MB"):
@@ -180,7 +178,7 @@ def test_a_tree_of_too_many_nodes_is_not_drawn(tmp_path: Path, monkeypatch: pyte
         open_record(path).drawing()
 
 
-def test_a_chunk_that_says_another_size_than_it_has_is_damaged() -> None:
+def test_chunk_with_a_wrong_size_is_damaged() -> None:
     bomb = zstandard.ZstdCompressor().compress(bytes(50_000_000))
     for size in (1000, container.MAX_RECORD_SIZE + 1, 2**63):
         with pytest.raises(container.DamagedError):
@@ -196,7 +194,7 @@ def test_no_text_of_a_record_is_a_formula_of_a_spreadsheet(tmp_path: Path) -> No
     assert found == [f"'{text}" for text in texts[:5]] + list(texts[5:])
 
 
-def test_topics_become_names_of_files_whatever_is_in_them(tmp_path: Path) -> None:
+def test_csv_file_names_are_safe_for_any_topic(tmp_path: Path) -> None:
     topics = ("/\0", "/../../evil", "/" + "x" * 300, "/a\nb", "..", "/c\\d")
     path = write(tmp_path / "a.mcap", [about(), *((topic, {"t": 1.0, "n": 1}) for topic in topics)])
     folder = tmp_path / "tables"

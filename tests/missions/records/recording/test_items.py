@@ -72,13 +72,13 @@ def _set(value: object) -> VariableSet:
     return VariableSet(1.0, 2, "", "x", value)
 
 
-def test_the_writer_imports_nothing_of_what_makes_a_run() -> None:
+def test_writer_process_imports_no_run_modules() -> None:
     program = "import sys, missions.plugins.records.recording.writer_process; print(*sys.modules)"
     heard = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert not {"py_trees", "cv2", "click", "behaviours", "yaml"} & set(heard.stdout.split())
 
 
-def test_every_event_is_in_the_record_or_contained_in_something_that_is() -> None:
+def test_every_event_is_recorded_or_contained_in_another_message() -> None:
     contained = {"Started", "Ticked", "PerceptSeen"}
     from missions.executive import events  # noqa: PLC0415 - only what it is made of is asked for
 

@@ -23,21 +23,21 @@ def moment(tick: int, answers: list[Answer]) -> TickRecord:
     return TickRecord("tick", tick, tick / 20, 0.001, 1e-4, answers, ("say (1.2)", 3.5) if tick == 2 else None)
 
 
-def test_every_moment_comes_back_as_it_was() -> None:
+def test_tick_records_round_trip() -> None:
     written, restored = TickEncoder(), TickDecoder()
     for tick in range(1, 5):
         told = moment(tick, list(ANSWERS))
         assert restored.decode(json.loads(written.encode(told))) == told
 
 
-def test_an_answer_that_is_as_before_is_not_written_again() -> None:
+def test_unchanged_answer_is_not_written_again() -> None:
     written = TickEncoder()
     first, second = (json.loads(written.encode(moment(tick, list(ANSWERS)))) for tick in (1, 2))
     assert [len(answer) for answer in first["answers"]] == [4] * len(ANSWERS)
     assert [len(answer) for answer in second["answers"]] == [3] * len(ANSWERS)
 
 
-def test_of_two_answers_in_one_moment_each_is_told() -> None:
+def test_repeated_queries_in_one_tick_keep_their_answers() -> None:
     written, restored = TickEncoder(), TickDecoder()
     turned = Reading(HeadPose(0.3, 0.0), 1.5, Quality.GOOD)
     told = moment(1, [("head", "pose", (), POSE), ("head", "look", (), POSE.value), ("head", "pose", (), turned)])
@@ -45,21 +45,21 @@ def test_of_two_answers_in_one_moment_each_is_told() -> None:
         assert restored.decode(json.loads(written.encode(told))) == told
 
 
-def test_after_forgetting_a_moment_is_read_without_those_before() -> None:
+def test_reset_makes_the_next_tick_record_self_contained() -> None:
     written = TickEncoder()
     written.encode(moment(1, list(ANSWERS)))
     written.reset()
     assert TickDecoder().decode(json.loads(written.encode(moment(2, list(ANSWERS))))) == moment(2, list(ANSWERS))
 
 
-def test_an_answer_that_was_never_told_is_missed() -> None:
+def test_decoder_raises_for_a_missing_earlier_answer() -> None:
     written = TickEncoder()
     written.encode(moment(1, list(ANSWERS)))
     with pytest.raises(LookupError):
         TickDecoder().decode(json.loads(written.encode(moment(2, list(ANSWERS)))))
 
 
-def test_a_moment_that_cannot_be_written_takes_no_later_one_along() -> None:
+def test_tick_that_cannot_be_encoded_does_not_affect_the_next() -> None:
     written, restored = TickEncoder(), TickDecoder()
     with pytest.raises(OverflowError):
         written.encode(moment(1, [*ANSWERS, ("base", "drive", (Velocity(10**400, 0.0),), None)]))

@@ -51,21 +51,21 @@ def record(path: Path, *, overwrite: bool = False) -> None:
             recorder.on_tick(past)
 
 
-def test_a_record_is_for_its_owner_only(tmp_path: Path) -> None:
+def test_record_is_private(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     record(path)
     assert rights(path) == 0o600
     assert open_record(path).is_complete
 
 
-def test_so_is_one_that_is_written_over_another(tmp_path: Path) -> None:
+def test_overwritten_record_is_private(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.touch(0o666)
     record(path, overwrite=True)
     assert rights(path) == 0o600
 
 
-def test_a_piece_and_lines_of_it_are_for_their_owner_only(path: Path, tmp_path: Path) -> None:
+def test_cut_record_and_jsonl_export_are_private(path: Path, tmp_path: Path) -> None:
     piece, lines = tmp_path / "piece.mcap", tmp_path / "lines.jsonl"
     lines.touch(0o666)
     cut_record(open_record(path), 0.0, 1.0, piece)
@@ -73,7 +73,7 @@ def test_a_piece_and_lines_of_it_are_for_their_owner_only(path: Path, tmp_path: 
     assert rights(piece) == rights(lines) == 0o600
 
 
-def test_folders_and_tables_made_of_it_are_for_their_owner_only(path: Path, tmp_path: Path) -> None:
+def test_exported_folders_and_tables_are_private(path: Path, tmp_path: Path) -> None:
     tables, out = tmp_path / "tables", tmp_path / "out"
     to_csv(open_record(path), tables)
     to_folder(open_record(path), out)
@@ -83,7 +83,7 @@ def test_folders_and_tables_made_of_it_are_for_their_owner_only(path: Path, tmp_
     assert {rights(out / name) for name in ("pictures", "files", "tables")} == {0o700}
 
 
-def test_what_is_exported_into_a_folder_that_is_there_is_for_its_owner_only_too(path: Path, tmp_path: Path) -> None:
+def test_files_exported_into_an_existing_folder_are_private(path: Path, tmp_path: Path) -> None:
     there = tmp_path / "there"
     (there / "tables").mkdir(parents=True)
     (there / "tables/nodes.csv").touch(0o666)
@@ -92,7 +92,9 @@ def test_what_is_exported_into_a_folder_that_is_there_is_for_its_owner_only_too(
     assert of_all_in(there)[1] == {0o600}
 
 
-def test_so_is_all_else_that_shows_people(path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_reports_events_frames_and_films_are_private(
+    path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     report, events, frames, film = (tmp_path / name for name in ("r.html", "e.jsonl", "frames", "film.webm"))
     for there in (report, events):
         there.touch(0o666)

@@ -49,7 +49,7 @@ class Script(BatchReader):
 @pytest.mark.parametrize(
     ("item", "within"), [(moments()[0], FLUSH_INTERVAL), (COMMAND, FLUSH_INTERVAL), (CHANGE, URGENT_FLUSH_INTERVAL)]
 )
-def test_what_is_told_seldom_is_on_the_disk_sooner_than_what_is_told_all_the_time(
+def test_rare_messages_are_synced_sooner_than_frequent_ones(
     item: Item, within: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     clock, synced = ManualClock(), list[float]()

@@ -28,7 +28,7 @@ def facts(output: str) -> dict[str, str]:
     return {line[:10].strip(): line[10:] for line in output.partition("\n\n")[0].splitlines()}
 
 
-def test_info_says_what_a_record_is_of_and_what_is_missing(path: Path) -> None:
+def test_info_shows_the_run_and_the_losses(path: Path) -> None:
     result = run("info", path)
     told = facts(result.output)
     assert result.exit_code == 0
@@ -56,7 +56,7 @@ def test_info_counts_as_an_independent_reader_does(path: Path) -> None:
     assert {line[0]: int(line[1]) for line in lines if line and line[0].startswith("/")} == counts
 
 
-def test_info_offers_to_mend_what_was_not_closed_and_then_it_is(tmp_path: Path) -> None:
+def test_info_suggests_repair_of_an_unclosed_record(tmp_path: Path) -> None:
     path = write(tmp_path / "killed.mcap", items()[:-1], close=False)
     path.write_bytes(path.read_bytes()[:-1000])
     told = run("info", path).output
@@ -69,7 +69,7 @@ def test_info_offers_to_mend_what_was_not_closed_and_then_it_is(tmp_path: Path) 
     assert run("repair", path).output == f"{path} is closed already: nothing to repair\n"
 
 
-def test_info_tells_of_damaged_stretches(path: Path) -> None:
+def test_info_reports_damaged_ranges(path: Path) -> None:
     chunk = open_record(path).container.chunk_spans[5]
     with path.open("r+b") as file:
         file.seek(chunk.end - 40)
@@ -80,7 +80,7 @@ def test_info_tells_of_damaged_stretches(path: Path) -> None:
 @pytest.mark.parametrize(
     "arguments", [("info",), ("repair",), ("export", "--jsonl", "x.jsonl"), ("cut", "1s", "2s", "-o", "x")]
 )
-def test_every_command_says_in_words_what_is_no_record(tmp_path: Path, arguments: tuple[str, ...]) -> None:
+def test_every_record_command_refuses_other_files(tmp_path: Path, arguments: tuple[str, ...]) -> None:
     text = tmp_path / "notes.txt"
     text.write_text("hello")
     name, *rest = arguments
@@ -124,7 +124,7 @@ def test_lines_hold_every_message(path: Path, tmp_path: Path) -> None:
     assert [line["t"] for line in lines if line["topic"] == "/moments"] == [moment.t for moment in moments()]
 
 
-def test_half_a_letter_is_written_as_json_writes_it(tmp_path: Path) -> None:
+def test_lone_surrogates_are_exported_as_json_escapes(tmp_path: Path) -> None:
     path = write(tmp_path / "odd.mcap", [Logged(0.1, "voice", "half \ud800 a letter")])
     assert run("export", path, "--jsonl", tmp_path / "all.jsonl", "--csv", tmp_path / "tables").exit_code == 0
     lines = [json.loads(line) for line in (tmp_path / "all.jsonl").read_text(encoding="utf-8").splitlines()]
@@ -171,11 +171,11 @@ def test_nothing_is_written_over_without_force(path: Path, tmp_path: Path) -> No
     assert [each.name for each in (tmp_path / "full").iterdir()] == ["there.txt"]
 
 
-def test_export_without_a_form_says_which_there_are(path: Path) -> None:
+def test_export_without_a_format_lists_the_formats(path: Path) -> None:
     assert f"mission record export {path} --csv tables" in run("export", path).output
 
 
-def test_a_piece_begins_with_what_held_then(path: Path, tmp_path: Path) -> None:
+def test_cut_record_begins_with_the_state_at_its_start(path: Path, tmp_path: Path) -> None:
     out = tmp_path / "piece.mcap"
     assert run("cut", path, "2.6 s", "3.5s", "-o", out).exit_code == 0
     piece = open_record(out)
@@ -197,7 +197,7 @@ def test_a_piece_begins_with_what_held_then(path: Path, tmp_path: Path) -> None:
     assert (first - began) / 1e9 == pytest.approx(2.6)
 
 
-def test_a_piece_from_the_beginning_is_one_that_can_be_run_again(path: Path, tmp_path: Path) -> None:
+def test_record_cut_from_its_start_can_be_rerun(path: Path, tmp_path: Path) -> None:
     run("cut", path, "0s", "1s", "-o", tmp_path / "piece.mcap")
     assert open_record(tmp_path / "piece.mcap").cut_start is None
 
@@ -210,13 +210,13 @@ def test_a_piece_from_the_beginning_is_one_that_can_be_run_again(path: Path, tmp
         ("1", "2s", "'1' has no unit (units: s, ms, min, h)"),
     ],
 )
-def test_a_piece_that_cannot_be_is_refused_in_words(path: Path, start: str, end: str, words: str) -> None:
+def test_invalid_cut_range_is_refused(path: Path, start: str, end: str, words: str) -> None:
     result = run("cut", path, start, end, "-o", path.with_name("piece.mcap"))
     assert result.exit_code == 2
     assert words in result.output
 
 
-def test_a_record_is_not_cut_into_itself(path: Path) -> None:
+def test_record_is_not_cut_into_itself(path: Path) -> None:
     before = path.read_bytes()
     assert "is the record itself" in run("cut", path, "1s", "2s", "-o", path, "--force").output
     assert path.read_bytes() == before

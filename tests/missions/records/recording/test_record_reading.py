@@ -31,18 +31,18 @@ def record(tmp_path: Path) -> RunRecord:
     return open_record(write(tmp_path / "greet.mcap", items()))
 
 
-def test_a_record_says_what_was_run_and_has_its_files(record: RunRecord) -> None:
+def test_record_has_header_files_and_tree(record: RunRecord) -> None:
     assert record.header == HEAD
     assert {name: record.files[name] for name in FILES} == FILES
     assert record.drawing() == TREE
     assert (record.is_complete, record.end_time, record.cut_start) == (True, END, None)
 
 
-def test_moments_come_back_with_every_answer_as_it_was(record: RunRecord) -> None:
+def test_tick_records_are_read_back_with_all_answers(record: RunRecord) -> None:
     assert [repr(moment) for moment in record.tick_records] == [repr(moment) for moment in moments()]
 
 
-def test_events_come_back_in_order_with_the_ticks_between_them(record: RunRecord) -> None:
+def test_events_are_read_back_in_order_with_ticks(record: RunRecord) -> None:
     told = [event for event in record.events if not isinstance(event, Ticked)]
     assert told == [event for event in items() if isinstance(event, tuple(map(type, told)))]
     ticks = [event for event in record.events if isinstance(event, Ticked)]
@@ -53,7 +53,7 @@ def test_events_come_back_in_order_with_the_ticks_between_them(record: RunRecord
     assert record.run_end() == record.events[-1]
 
 
-def test_in_real_time_a_tick_comes_behind_what_came_of_it(tmp_path: Path) -> None:
+def test_tick_in_real_time_comes_after_its_node_changes(tmp_path: Path) -> None:
     late = [replace(event, t=event.t + 5e-5) if isinstance(event, NodeChanged) else event for event in items()]
     record = open_record(write(tmp_path / "wire.mcap", late, head=replace(HEAD, simulate="wire")))
     assert [event.status for event in record.events if isinstance(event, Ticked)][-2:] == ["running", "success"]
@@ -74,13 +74,13 @@ def test_series_are_in_si_units_over_the_seconds_of_the_run(record: RunRecord) -
         record.series("head.roll")
 
 
-def test_the_status_of_a_node_is_that_of_its_newest_change(record: RunRecord) -> None:
+def test_node_status_is_that_of_the_latest_change(record: RunRecord) -> None:
     assert {key: change.status for key, change in record.statuses(2.49).items()} == {"1": "running", "1.1": "running"}
     assert {key: change.status for key, change in record.statuses(2.5).items()} == {"1": "running", "1.1": "failure"}
     assert record.statuses(0.0) == {}
 
 
-def test_a_record_ends_with_its_last_event_however_messages_are_stamped(tmp_path: Path) -> None:
+def test_record_ends_with_its_last_event_despite_rounded_stamps(tmp_path: Path) -> None:
     last = END + 6.4e-14  # times of messages are in whole nanoseconds
     told = [
         replace(item, t=last) if isinstance(item, Ended | NodeChanged) and item.t == END else item for item in items()
@@ -91,7 +91,7 @@ def test_a_record_ends_with_its_last_event_however_messages_are_stamped(tmp_path
         assert {change.status for change in record.statuses(time).values()} == {"success"}
 
 
-def test_what_is_offered_is_at_the_failure_and_not_before_it(tmp_path: Path) -> None:
+def test_suggested_time_is_not_before_the_failure(tmp_path: Path) -> None:
     told = [replace(item, t=2.50049) if isinstance(item, NodeChanged) and item.t == 2.5 else item for item in items()]
     record = open_record(write(tmp_path / "wire.mcap", told))
     assert any("--at 2.501s    the first failure" in line for line in record_lines(record))
@@ -105,17 +105,17 @@ def test_failures_and_words_are_found(record: RunRecord) -> None:
     assert record.search("no such thing") == []
 
 
-def test_what_was_lost_is_counted_by_topic(record: RunRecord) -> None:
+def test_losses_are_counted_by_topic(record: RunRecord) -> None:
     assert record.lost_counts() == {"/camera": 3}
 
 
-def test_a_record_keeps_no_file_open_and_can_be_asked_again(record: RunRecord) -> None:
+def test_record_can_be_read_repeatedly(record: RunRecord) -> None:
     first = next(iter(record.frames()))
     assert next(iter(record.frames())) == first
     assert record.events is record.events
 
 
-def test_a_record_that_was_not_closed_says_so_and_has_all_the_same(tmp_path: Path) -> None:
+def test_unclosed_record_is_marked_incomplete_and_readable(tmp_path: Path) -> None:
     record = open_record(write(tmp_path / "killed.mcap", items(), close=False))
     assert not record.is_complete
     assert record.end_time == END
@@ -177,14 +177,14 @@ def pipe(path: Path) -> Path:
         (lambda path: path, "cannot be read: No such file or directory"),
     ],
 )
-def test_what_is_no_record_is_told_what_it_is(tmp_path: Path, make: Any, words: str) -> None:
+def test_other_files_are_refused_with_their_kind(tmp_path: Path, make: Any, words: str) -> None:
     path = make(tmp_path / "thing.mcap")
     with pytest.raises(InvalidRecordError) as caught:
         open_record(path)
     assert str(caught.value).startswith(f"{path}: {words}")
 
 
-def test_without_mcap_it_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_records_extra_gives_the_install_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "missions.plugins.records.recording.mcap_scan", None)
     with pytest.raises(InvalidRecordError, match=r"try: pip install 'missiontree\[records\]'"):
         open_record(tmp_path / "greet.mcap")

@@ -82,14 +82,14 @@ def writer_of(recorder: Recorder) -> int:
     return process.pid
 
 
-def test_a_record_says_with_which_versions_it_was_made(tmp_path: Path) -> None:
+def test_record_contains_versions(tmp_path: Path) -> None:
     with Recorder(tmp_path / "a.mcap") as recorder:
         recorder.open(RecordContents(replace(HEAD, versions={}), FILES), SystemClock())
     found = open_record(tmp_path / "a.mcap").header.versions
     assert {"python", "py-trees", "numpy"} <= found.keys()
 
 
-def test_all_that_is_handed_over_is_in_the_record(tmp_path: Path) -> None:
+def test_recorder_writes_all_given_items(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, told):
         for each in items():
@@ -131,7 +131,7 @@ def test_closing_twice_or_without_opening_is_safe(tmp_path: Path) -> None:
         (lambda path: _written(path / "a.mcap"), "already exists"),
     ],
 )
-def test_a_record_that_cannot_be_begun_says_so_and_leaves_no_process(
+def test_failed_start_is_reported_and_leaves_no_process(
     tmp_path: Path, make: Callable[[Path], Path], words: str
 ) -> None:
     recorder = Recorder(make(tmp_path))
@@ -150,9 +150,7 @@ def _written(path: Path) -> Path:
     return path
 
 
-def test_in_simulated_time_a_writer_that_begins_late_on_a_busy_machine_is_waited_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_start_timeout_applies_in_real_time_only(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.START_TIMEOUT", 0.0)
     with pytest.raises(CannotRecordError, match="did not start within 0 s"):
         Recorder(tmp_path / "real.mcap").open(RecordContents(HEAD, FILES), ManualClock())
@@ -160,7 +158,7 @@ def test_in_simulated_time_a_writer_that_begins_late_on_a_busy_machine_is_waited
         recorder.open(RecordContents(HEAD, FILES), ManualClock())
 
 
-def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None:
+def test_existing_record_is_overwritten_only_on_request(tmp_path: Path) -> None:
     path = _written(tmp_path / "a.mcap")
     with recording(path, overwrite=True) as (recorder, _):
         assert not recorder.close()
@@ -168,7 +166,7 @@ def test_a_file_is_overwritten_only_if_that_is_asked_for(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("room", [100, 100_000], ids=["not begun", "not written to its end"])
-def test_a_full_disk_leaves_the_record_that_was_to_be_overwritten(tmp_path: Path, room: int) -> None:
+def test_full_disk_keeps_the_record_to_be_overwritten(tmp_path: Path, room: int) -> None:
     path = _written(tmp_path / "a.mcap")
     before = path.read_bytes()
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -192,7 +190,7 @@ def test_a_full_disk_leaves_the_record_that_was_to_be_overwritten(tmp_path: Path
         assert any("a.mcap is the earlier record, a-incomplete.mcap" in each.message for each in told)
 
 
-def test_a_record_that_is_being_written_is_not_overwritten(tmp_path: Path) -> None:
+def test_record_being_written_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, _):
         recorder.on_tick(moment(1, 0.01))
@@ -203,7 +201,7 @@ def test_a_record_that_is_being_written_is_not_overwritten(tmp_path: Path) -> No
     assert counts_of(path)["/moments"] == 1
 
 
-def test_a_record_that_cannot_be_begun_leaves_no_file(tmp_path: Path) -> None:
+def test_failed_start_leaves_no_file(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     recorder = Recorder(path)
@@ -216,7 +214,7 @@ def test_a_record_that_cannot_be_begun_leaves_no_file(tmp_path: Path) -> None:
     assert not path.exists()
 
 
-def test_what_cannot_be_packed_costs_itself_alone(tmp_path: Path) -> None:
+def test_item_that_cannot_be_pickled_is_the_only_loss(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, _):
         for value in (1, Lock(), 2):
@@ -239,9 +237,7 @@ def test_in_simulated_time_nothing_is_lost_however_far_the_writer_is_behind(
     assert counts_of(path)["/moments"] == 3000
 
 
-def test_a_full_disk_costs_records_which_is_told_and_no_moment_waits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_is_reported_and_does_not_block_ticks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
         "missions.plugins.records.recording.recorder.CLOSE_TIMEOUT", 60.0
     )  # it is not about a writer that is slow
@@ -287,9 +283,7 @@ def noise() -> Iterator[CameraFrame]:
 
 
 @pytest.mark.real_time
-def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_counted(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_stopped_writer_does_not_block_and_losses_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 500)
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, _):
@@ -312,7 +306,7 @@ def test_a_writer_that_stands_still_holds_up_nobody_and_what_is_dropped_is_count
 
 
 @pytest.mark.real_time
-def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hung_writer_process_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.CLOSE_TIMEOUT", 0.2)
     with recording(tmp_path / "a.mcap") as (recorder, _):
         number = writer_of(recorder)
@@ -323,7 +317,7 @@ def test_a_writer_that_never_comes_back_is_ended(tmp_path: Path, monkeypatch: py
     assert not Path(f"/proc/{number}").exists()
 
 
-def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -> None:
+def test_killed_writer_is_reported_and_the_run_continues(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path) as (recorder, told):
         recorder.on_tick(moment(1, 0.01))
@@ -345,9 +339,7 @@ def test_when_the_writer_is_killed_the_run_goes_on_and_is_told(tmp_path: Path) -
     assert times_of(path)[0] == 0.01
 
 
-def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_killed_writer_does_not_block_a_simulated_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 500)
     with recording(tmp_path / "a.mcap", patient=True) as (recorder, told):
 
@@ -365,7 +357,7 @@ def test_in_simulated_time_nobody_waits_for_a_writer_that_is_gone(
         assert "killed by signal 9" in told[0].message
 
 
-def test_pictures_that_found_no_room_take_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dropped_pictures_use_no_queue_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 1)
     with recording(tmp_path / "a.mcap", frames=1000.0, patient=True) as (recorder, _):
         for frame in islice(noise(), 50):
@@ -388,7 +380,7 @@ def test_the_health_of_devices_is_sampled(tmp_path: Path) -> None:
     assert counts_of(path)["/state/devices"] >= 1
 
 
-def test_at_its_limit_the_record_is_closed_and_that_is_told(tmp_path: Path) -> None:
+def test_size_limit_closes_the_record_and_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with recording(path, limit=200_000, frames=0.0) as (recorder, told):
         count = 0
@@ -431,7 +423,7 @@ def test_a_kill_at_any_moment_costs_a_second_at_most(
 
 
 @pytest.mark.real_time
-def test_a_run_that_is_killed_alone_leaves_a_record_that_is_closed(tmp_path: Path) -> None:
+def test_killed_run_leaves_a_closed_record(tmp_path: Path) -> None:
     path = tmp_path / "a.mcap"
     with running(path) as (run, writer):
         _, last = until(run, 0.5)

@@ -70,7 +70,7 @@ def through_a_file(data: object) -> object:
 @pytest.mark.parametrize("name", TYPES_BY_NAME)
 @settings(max_examples=25)
 @given(data=st.data())
-def test_every_value_of_a_driver_or_of_perception_comes_back_as_it_was(name: str, data: st.DataObject) -> None:
+def test_driver_and_percept_values_round_trip(name: str, data: st.DataObject) -> None:
     value = data.draw(VALUES[name])
     assert same(from_json(through_a_file(to_json(value)), TYPES_BY_NAME[name]), value)
     assert same(untag_value(through_a_file(tag_value(value))), value)
@@ -90,24 +90,24 @@ ANYTHING = st.recursive(
 
 
 @given(ANYTHING)
-def test_what_may_be_anything_comes_back_with_its_kind(value: object) -> None:
+def test_untyped_values_keep_their_type(value: object) -> None:
     assert same(untag_value(through_a_file(tag_value(value))), value)
 
 
 @pytest.mark.parametrize("kind", ERRORS_BY_NAME.values())
-def test_an_error_comes_back_with_its_kind_its_words_and_its_hint(kind: type[DriverError]) -> None:
+def test_errors_keep_type_message_and_hint(kind: type[DriverError]) -> None:
     error = untag_value(through_a_file(tag_value(kind("arm: servo 3 is silent", hint="mission servo scan"))))
     assert same(error, kind("arm: servo 3 is silent", hint="mission servo scan"))
 
 
-def test_an_error_of_a_kind_of_its_own_comes_back_as_the_next_that_is_known() -> None:
+def test_unknown_error_type_becomes_its_nearest_known_base() -> None:
     class Hot(NoReply):
         """Too hot to speak."""
 
     assert same(untag_value(tag_value(Hot("arm: hot"))), NoReply("arm: hot"))
 
 
-def test_of_what_is_not_known_the_words_remain() -> None:
+def test_value_of_an_unknown_type_becomes_text() -> None:
     class Mood(Enum):
         GOOD = 1
 
@@ -124,7 +124,7 @@ def test_numbers_of_numpy_are_numbers() -> None:
     ]
 
 
-def test_a_quantity_is_its_number() -> None:
+def test_quantity_is_stored_as_a_number() -> None:
     assert untag_value(through_a_file(tag_value(Quantity(0.5, "length", "50 cm")))) == 0.5
 
 
@@ -140,12 +140,12 @@ def test_arrays_keep_their_form() -> None:
 
 
 @pytest.mark.parametrize("data", [None, 5, "x", [], {"looked": {}}, {"faces": [3]}, {"faces": 1}])
-def test_what_is_no_value_of_that_type_is_refused(data: object) -> None:
+def test_value_of_another_type_is_refused(data: object) -> None:
     with pytest.raises(ValueError, match="View"):
         from_json(data, View)
 
 
-def test_members_that_are_missing_have_their_defaults_and_unknown_ones_are_refused() -> None:
+def test_missing_members_get_defaults_and_unknown_ones_are_refused() -> None:
     assert from_json({"looked": 1.0}, View) == View(looked=1.0)
     with pytest.raises(ValueError, match="'mood' is not a member of View"):
         from_json({"looked": 1.0, "mood": "new"}, View)

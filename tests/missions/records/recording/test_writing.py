@@ -92,7 +92,7 @@ def record(path: Path, what: Sequence[object], *, limit: float = float("inf")) -
         return writer.close(), path
 
 
-def test_every_message_is_as_its_schema_says_and_every_topic_is_there(tmp_path: Path) -> None:
+def test_every_message_matches_its_schema_and_every_topic_occurs(tmp_path: Path) -> None:
     written, path = record(tmp_path / "a.mcap", everything())
     counts, found = read(path)
     assert counts == written.counts == Counter(topic for topic, _, _ in found)
@@ -108,7 +108,7 @@ def test_the_files_of_the_run_are_in_the_record(tmp_path: Path) -> None:
         assert {each.name: each.data for each in make_reader(file).iter_attachments()} == FILES
 
 
-def test_times_are_those_of_the_day(tmp_path: Path) -> None:
+def test_log_times_are_wall_clock_times(tmp_path: Path) -> None:
     _, path = record(tmp_path / "a.mcap", items())
     with path.open("rb") as file:
         for _, channel, message in make_reader(file).iter_messages(topics=["/nodes", "/log", "/camera"]):
@@ -147,18 +147,18 @@ BYTES = {
 
 
 @pytest.mark.parametrize("name", BYTES)
-def test_schemas_are_schemas_and_stay_as_they_are(name: str) -> None:
+def test_schemas_are_valid_and_unchanged(name: str) -> None:
     described = json.loads(schema(name))
     Draft202012Validator.check_schema(described)
     assert described["title"] == name
     assert hashlib.sha256(schema(name)).hexdigest()[:16] == BYTES[name]
 
 
-def test_all_schemas_are_used_and_no_others() -> None:
+def test_every_schema_is_used_by_a_topic() -> None:
     assert set(TOPIC_SCHEMAS.values()) == {*BYTES} == {*MISSIONTREE_SCHEMAS, *FOXGLOVE_SCHEMAS}
 
 
-def test_schemas_have_the_fields_of_what_they_describe() -> None:
+def test_schemas_have_the_fields_of_their_types() -> None:
     kinds = {TOPIC_SCHEMAS[topic]: getattr(events, name) for name, topic in EVENT_TOPICS.items() if name != "Logged"}
     for name, kind in {**kinds, "missiontree.Mission": RecordHeader, "missiontree.Moment": type(moments()[0])}.items():
         assert set(json.loads(schema(name))["properties"]) == {field.name for field in fields(kind)}, name
@@ -176,7 +176,7 @@ ASKED = {
 
 
 @pytest.mark.parametrize("name", ASKED)
-def test_messages_for_foxglove_have_all_that_it_asks_for(name: str) -> None:
+def test_foxglove_schemas_require_the_mandatory_fields(name: str) -> None:
     assert set(json.loads(schema(f"foxglove.{name}"))["required"]) >= ASKED[name]
 
 
@@ -196,9 +196,7 @@ class Disk:
         return self._write(number, data[: len(data) - 100])
 
 
-def test_a_full_disk_costs_whole_chunks_which_are_counted_and_told(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_full_disk_loses_whole_chunks_which_are_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, disk = tmp_path / "a.mcap", Disk(monkeypatch)
     with path.open("wb", buffering=0) as file:
         writer = RecordWriter(ChunkSink(file.fileno()), RecordContents(HEAD, FILES))
@@ -230,9 +228,7 @@ def test_a_full_disk_costs_whole_chunks_which_are_counted_and_told(
     assert told == expected
 
 
-def test_what_a_disk_lost_at_the_very_end_is_told_as_soon_as_that_fits(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_loss_at_the_end_is_recorded_once_space_allows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, write = tmp_path / "a.mcap", os.write
 
     def nearly_full(number: int, data: memoryview) -> int:
@@ -251,23 +247,21 @@ def test_what_a_disk_lost_at_the_very_end_is_told_as_soon_as_that_fits(
     assert [message["counts"] for topic, _, message in read(path)[1] if topic == "/lost"] == [{"/camera": 1}]
 
 
-def test_chunks_after_a_hole_can_be_read_without_the_one_that_is_missing(tmp_path: Path) -> None:
+def test_chunk_is_readable_without_the_previous_one(tmp_path: Path) -> None:
     path = write(tmp_path / "a.mcap", moments(), every=10)
     answers = [message["answers"] for topic, _, message in read(path)[1] if topic == "/moments"]
     for first in range(0, len(answers), 10):
         assert all(len(answer) == 4 for answer in answers[first])
 
 
-def test_a_disk_that_is_full_from_the_beginning_is_an_error_at_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_disk_full_at_the_start_raises_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     Disk(monkeypatch).full = True
     with (tmp_path / "a.mcap").open("wb", buffering=0) as file, pytest.raises(OSError, match="No space left"):
         RecordWriter(ChunkSink(file.fileno()), RecordContents(HEAD, FILES)).begin()
     assert (tmp_path / "a.mcap").stat().st_size == 0
 
 
-def test_a_record_stays_within_its_limit_and_is_whole(tmp_path: Path) -> None:
+def test_record_stays_within_its_size_limit_and_is_complete(tmp_path: Path) -> None:
     picture = PictureItem(1.0, os.urandom(20_000), None)
     written, path = record(
         tmp_path / "a.mcap", [replace_stamp(picture, number / 5) for number in range(100)], limit=5e5
@@ -286,7 +280,7 @@ def replace_stamp(picture: PictureItem, t: float) -> PictureItem:
     return picture._replace(t=t)
 
 
-def test_what_was_missed_elsewhere_is_told_in_the_record(tmp_path: Path) -> None:
+def test_losses_before_the_writer_are_recorded(tmp_path: Path) -> None:
     written, path = record(tmp_path / "a.mcap", [*items(), LossItem({"/nodes": 2}, "too slow")])
     assert written.lost == {"/camera": 3, "/nodes": 2}
     assert written.whole

@@ -28,7 +28,7 @@ def test_a_question_is_answered_in_order_and_then_as_the_last_time() -> None:
     assert memory.answer("head", "pose") == 2
 
 
-def test_a_command_that_was_no_number_is_the_same_again() -> None:
+def test_nan_command_matches_the_recorded_one() -> None:
     heard = Heard()
     heard.memory.begin_tick([("base", "drive", (float("nan"),), DeviceFault("cannot drive at nan"))])
     with pytest.raises(DeviceFault, match="nan"):
@@ -36,7 +36,7 @@ def test_a_command_that_was_no_number_is_the_same_again() -> None:
     assert heard.otherwise == []
 
 
-def test_what_was_not_asked_is_remembered_too() -> None:
+def test_unasked_answer_is_kept_for_later_ticks() -> None:
     memory = Heard().memory
     memory.begin_tick([("ranger", "scan", (), "far")])
     memory.end_tick()
@@ -44,7 +44,7 @@ def test_what_was_not_asked_is_remembered_too() -> None:
     assert memory.answer("ranger", "scan") == "far"
 
 
-def test_a_question_with_an_argument_has_its_own_answer_or_the_newest() -> None:
+def test_query_with_argument_gets_its_own_answer_or_the_newest() -> None:
     memory = Heard().memory
     memory.begin_tick([("voice", "done", (1,), True), ("voice", "done", (2,), False)])
     assert memory.answer("voice", "done", 2) is False
@@ -70,7 +70,7 @@ def test_none_is_an_answer() -> None:
     assert heard.unheard == []
 
 
-def test_what_was_never_heard_is_told() -> None:
+def test_query_without_recorded_answer_is_reported() -> None:
     heard = Heard()
     heard.memory.begin_tick([])
     with pytest.raises(NoRecordedAnswerError, match="no recorded reply"):
@@ -78,7 +78,7 @@ def test_what_was_never_heard_is_told() -> None:
     assert heard.unheard == ["arm.states"]
 
 
-def test_commands_that_are_others_missing_or_too_many_are_told() -> None:
+def test_different_missing_and_extra_commands_are_reported() -> None:
     heard = Heard()
     memory = heard.memory
     memory.begin_tick([("base", "drive", (1,), "yes"), ("base", "stop", (None,), None)])

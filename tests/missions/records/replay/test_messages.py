@@ -43,7 +43,7 @@ def turning(tmp_path_factory: pytest.TempPathFactory) -> tuple[RunRecord, Said]:
     return record_of(order, folder / "turning.mcap", act=remember), said
 
 
-def test_at_any_time_a_message_is_as_the_live_view_had_it_a_moment_before(turning: tuple[RunRecord, Said]) -> None:
+def test_recorded_feedback_matches_the_live_view(turning: tuple[RunRecord, Said]) -> None:
     record, said = turning
     assert len({reason for told in said.values() for reason in told.values()}) > 20, "they say something new"
     for time, told in said.items():
@@ -54,7 +54,7 @@ def test_at_any_time_a_message_is_as_the_live_view_had_it_a_moment_before(turnin
             assert then[key].status == "running"
 
 
-def test_a_node_runs_since_its_status_is_new_and_not_since_its_message_is(turning: tuple[RunRecord, Said]) -> None:
+def test_feedback_does_not_change_the_start_of_a_status(turning: tuple[RunRecord, Said]) -> None:
     record, _ = turning
     (began,) = {change.t for _, change in record.status_history if change.node == "1.1" and change.status == "running"}
     assert record.statuses(began + 1.0)["1.1"].t == began
@@ -70,14 +70,14 @@ def test_pictures_and_reports_show_the_newest_message(turning: tuple[RunRecord, 
     assert shown in report_page(study_record(record))
 
 
-def test_a_piece_of_a_record_begins_with_what_held_then(turning: tuple[RunRecord, Said], tmp_path: Path) -> None:
+def test_cut_record_keeps_the_last_feedback(turning: tuple[RunRecord, Said], tmp_path: Path) -> None:
     record, _ = turning
     cut_record(record, 1.05, 1.1, tmp_path / "piece.mcap")
     piece = open_record(tmp_path / "piece.mcap")
     assert piece.statuses(1.06)["1.1"].reason == record.statuses(1.06)["1.1"].reason != ""
 
 
-def test_it_is_decided_again_without_a_difference(turning: tuple[RunRecord, Said]) -> None:
+def test_rerun_of_a_turn_is_identical(turning: tuple[RunRecord, Said]) -> None:
     record, _ = turning
     found = rerun(record, load_mission(str(record.header.paths[record.header.file]), complete=True), ROBOT)
     assert found.is_identical

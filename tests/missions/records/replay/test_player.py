@@ -43,7 +43,7 @@ def shown(record: RunRecord, player: RecordPlayer, height: int = 40) -> list[str
     return captured.get().splitlines()
 
 
-def test_it_plays_at_its_speed_and_pauses_at_the_end(greeted: RunRecord) -> None:
+def test_player_advances_at_its_speed_and_pauses_at_the_end(greeted: RunRecord) -> None:
     player = RecordPlayer(greeted, at=1.0, speed=2.0)
     player.advance(1.5)
     assert player.time == pytest.approx(4.0)
@@ -51,7 +51,7 @@ def test_it_plays_at_its_speed_and_pauses_at_the_end(greeted: RunRecord) -> None
     assert (player.time, player.playing) == (greeted.end_time, False)
 
 
-def test_space_pauses_and_goes_on_and_begins_anew_at_the_end(greeted: RunRecord) -> None:
+def test_space_pauses_resumes_and_restarts_at_the_end(greeted: RunRecord) -> None:
     player = RecordPlayer(greeted, at=1.0)
     player.press(" ")
     player.advance(1.0)
@@ -108,7 +108,7 @@ def test_f_goes_from_failure_to_failure(alone: RunRecord) -> None:
     assert player.time < times[-1] or player.note == "no failure before this time"
 
 
-def test_what_was_said_is_found(greeted: RunRecord) -> None:
+def test_search_finds_spoken_text(greeted: RunRecord) -> None:
     player = RecordPlayer(greeted)
     for key in ["/", *"hellX", "\x7f", "o", "enter"]:
         player.press(key)
@@ -129,7 +129,7 @@ def test_escape_leaves_a_search(greeted: RunRecord) -> None:
 
 
 @given(st.lists(st.sampled_from(KEYS), max_size=30))
-def test_whatever_is_pressed_it_stays_within_the_record(greeted: RunRecord, keys: list[str]) -> None:
+def test_player_stays_within_the_record_for_any_keys(greeted: RunRecord, keys: list[str]) -> None:
     player = RecordPlayer(greeted)
     for key in keys:
         assert player.press(key)
@@ -156,31 +156,31 @@ def test_a_failure_shows_why(alone: RunRecord) -> None:
     assert any("✗" in row and "no face found" in row for row in shown(alone, player))
 
 
-def test_notices_are_told() -> None:
+def test_notices_are_shown() -> None:
     assert event_text(Notified(1.0, 20, "Anna was met")) == "notice: Anna was met"
 
 
-def test_people_are_told_by_name() -> None:
+def test_speakers_are_shown_by_name() -> None:
     assert event_text(Logged(1.0, "person", "Anna: yes: please")) == 'Anna: "yes: please"'
     assert event_text(Logged(1.0, "voice", "Is it: you?")) == 'robot: "Is it: you?"'
     assert event_text(Logged(1.0, "warning", "base: slow")) == "warning: base: slow"
 
 
-def test_who_is_seen_is_told_in_words_and_not_as_python_writes_it(greeted: RunRecord) -> None:
+def test_percept_is_described_in_words(greeted: RunRecord) -> None:
     told = [line for line in event_lines(greeted, 0.0) if "    person = " in line]
     assert len(told) == 1  # and not again in each picture
     assert re.search(r"person = face 1, \d\.\d m, \d+° (left|right)$", told[0])
     assert any("  person = face 1, " in row for row in shown(greeted, RecordPlayer(greeted, at=greeted.end_time)))
 
 
-def test_a_small_terminal_shows_what_runs(greeted: RunRecord) -> None:
+def test_small_terminal_shows_the_running_node(greeted: RunRecord) -> None:
     time = next(event.t for event in greeted.events if getattr(event, "kind", "") == "gesture")
     rows = shown(greeted, RecordPlayer(greeted, at=time + 0.1), height=12)
     assert len(rows) <= 12
     assert any("▶ gesture" in row for row in rows)
 
 
-def test_without_a_terminal_there_is_a_line_for_each_change(alone: RunRecord) -> None:
+def test_replay_without_terminal_prints_a_line_for_each_change(alone: RunRecord) -> None:
     told = list(event_lines(alone, 0.0))
     assert any("▶ running  find_face (line 12)" in line for line in told)
     assert any("✗ failure  timeout 'find_face' (line 13): no face found (timed out after 2 s)" in line for line in told)

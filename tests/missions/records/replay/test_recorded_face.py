@@ -53,20 +53,20 @@ def kept(tmp_path_factory: pytest.TempPathFactory) -> RunRecord:
         (2.6, ScreenContent(Mood.SAD, "Hello Anna!")),
     ],
 )
-def test_a_record_tells_how_the_face_was_at_any_time(kept: RunRecord, time: float, shown: ScreenContent) -> None:
+def test_recorded_face_is_drawn_for_any_time(kept: RunRecord, time: float, shown: ScreenContent) -> None:
     face = RecordedFace(kept)
     assert face
     assert np.array_equal(face.at(time, SMALL), face_image(face_expression(shown, time), shown.text, SMALL))
 
 
-def test_frames_of_a_record_have_the_face_beside_them(kept: RunRecord) -> None:
+def test_frames_show_the_robots_face_beside_the_picture(kept: RunRecord) -> None:
     pictures = list(annotate_frames(kept))
     assert pictures
     for stamp, picture in pictures:
         assert np.array_equal(picture[:480, 640:], RecordedFace(kept).at(stamp, (320, 480)))
 
 
-def test_without_a_face_there_is_none_in_the_frames(tmp_path: Path) -> None:
+def test_frames_without_a_robot_face_keep_their_width(tmp_path: Path) -> None:
     plain = run(tmp_path, "mission: plain\ntree: {sequence: [{face_seen: {}, on_failure: succeed}, wait: 1 s]}")
     assert not RecordedFace(plain)
     assert {picture.shape[1] for _, picture in annotate_frames(plain)} == {640}

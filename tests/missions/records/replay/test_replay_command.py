@@ -57,7 +57,7 @@ def test_a_changed_threshold_exits_with_1_and_names_the_place(greeted: RunRecord
     assert "not recorded" in result.output
 
 
-def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_be_had(tmp_path: Path) -> None:
+def test_changed_mission_file_is_named_and_the_recorded_one_available(tmp_path: Path) -> None:
     mission = tmp_path / "mine.yaml"
     mission.write_text(GREET)
     record = record_of(RunRequest(str(mission), simulate="fast", eyes="truth"), tmp_path / "mine.mcap")
@@ -72,7 +72,7 @@ def test_a_file_that_has_changed_since_is_named_first_and_the_recorded_one_can_b
     assert result.return_value == 0
 
 
-def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: Path) -> None:
+def test_recorded_python_is_listed_and_runs_only_if_trusted(tmp_path: Path) -> None:
     mark, leaf, mission = tmp_path / "RUN", tmp_path / "mine.py", tmp_path / "mine.yaml"
     plain = "from behaviours.leaf import SUCCESS, Leaf\n\nclass Mine(Leaf):\n    tag = 'mine'\n"
     leaf.write_text(f"{plain}    def update(self):\n        return SUCCESS\n")
@@ -92,7 +92,7 @@ def test_python_of_a_record_is_listed_and_not_run_until_it_is_trusted(tmp_path: 
     assert mark.exists()
 
 
-def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
+def test_rerun_without_a_recorded_reply_exits_with_2(tmp_path: Path) -> None:
     record = record_of(RunRequest("look_around", simulate="fast", eyes="truth"), tmp_path / "look_around.mcap")
     mission = tmp_path / "wave.yaml"
     mission.write_text("mission: wave\ntree:\n  sequence:\n    - gesture: hello\n")
@@ -101,7 +101,7 @@ def test_what_the_record_never_heard_exits_with_2(tmp_path: Path) -> None:
     assert "gesture (line 4) queries arm.limits, which has no recorded reply" in result.output
 
 
-def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: RunRecord, tmp_path: Path) -> None:
+def test_rerun_of_an_unrelated_mission_exits_with_2(greeted: RunRecord, tmp_path: Path) -> None:
     mission = tmp_path / "wave.yaml"
     mission.write_text("mission: wave\ntree:\n  drive: {distance: 1 m}\n")
     result = rerun(greeted.path, "--mission", mission)
@@ -109,7 +109,7 @@ def test_a_mission_that_has_nothing_in_common_exits_with_2(greeted: RunRecord, t
     assert "nothing to compare" in result.output
 
 
-def test_a_mistake_in_todays_mission_is_told_as_such(greeted: RunRecord, tmp_path: Path) -> None:
+def test_fault_of_the_current_mission_is_reported(greeted: RunRecord, tmp_path: Path) -> None:
     mission = tmp_path / "greet.yaml"
     mission.write_text(GREET.replace("find_face", "find_fase"))
     assert "did you mean 'find_face'?" in str(rerun(greeted.path, "--mission", mission).exception)
@@ -126,7 +126,7 @@ def test_a_mistake_in_todays_mission_is_told_as_such(greeted: RunRecord, tmp_pat
         (commands.replay, ["--frames", "out.gif"], "would become a folder, but ends in .gif\n  try: --frames out.webm"),
     ],
 )
-def test_what_cannot_be_is_refused_with_words(
+def test_invalid_replay_arguments_are_refused(
     command: click.Command,
     greeted: RunRecord,
     arguments: list[str],
@@ -138,20 +138,20 @@ def test_what_cannot_be_is_refused_with_words(
     assert words in refused(command, greeted.path, *arguments)
 
 
-def test_a_file_that_is_no_record_is_refused(tmp_path: Path) -> None:
+def test_file_that_is_not_a_record_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "greet.mcap"
     path.write_text("mission: greet\n")
     with pytest.raises(InvalidRecordError, match="not a record"):
         CliRunner().invoke(commands.rerun, [str(path)], catch_exceptions=False)
 
 
-def test_without_a_terminal_it_writes_lines(greeted: RunRecord) -> None:
+def test_replay_without_terminal_prints_lines(greeted: RunRecord) -> None:
     result = replay(greeted.path, "--at", "1 s")
     assert result.return_value == 0
     assert any("✓ success  find_face" in line for line in result.output.splitlines())
 
 
-def test_frames_become_a_film_with_marks_that_lasts_as_long(pictured: RunRecord, tmp_path: Path) -> None:
+def test_annotated_frames_become_a_film_of_the_same_length(pictured: RunRecord, tmp_path: Path) -> None:
     out = tmp_path / "out.webm"
     assert replay(pictured.path, "--frames", out).return_value == 0
     stamps = [stamp for stamp, _ in pictured.frames()]
@@ -171,13 +171,13 @@ def test_frames_become_pictures_in_a_folder(pictured: RunRecord, tmp_path: Path)
     assert len(list((tmp_path / "out").glob("*.jpg"))) == len(list(pictured.frames()))
 
 
-def test_todays_eyes_find_what_was_found_then(pictured: RunRecord) -> None:
+def test_see_option_finds_the_recorded_percepts_again(pictured: RunRecord) -> None:
     result = rerun(pictured.path, "--see")
     assert result.return_value == 0
     assert re.search(r"\d+ pictures searched again: 1 found as before, 0 lost, 0 new\n  found  face", result.output)
 
 
-def test_keys_play_it_at_a_terminal(greeted: RunRecord) -> None:
+def test_keys_control_replay_in_a_terminal(greeted: RunRecord) -> None:
     master, slave = pty.openpty()
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120", "LINES": "40"}
     process = subprocess.Popen(

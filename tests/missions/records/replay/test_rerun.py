@@ -67,29 +67,27 @@ def test_a_changed_threshold_is_named_with_tick_node_and_line(
     assert difference.t == moment.t
 
 
-def test_a_run_that_knew_the_lag_of_its_base_is_decided_again_with_it(robot: RobotConfig) -> None:
+def test_rerun_uses_the_recorded_base_lag(robot: RobotConfig) -> None:
     past = past_of(RunRequest("follow_me", simulate="fast", eyes="truth"), lag=0.3)
     plan = load_mission(str(shipped_missions()["follow_me"]), complete=True)
     assert rerun(past, plan, robot, lag=0.3).is_identical
     assert rerun(past, plan, robot).command is not None
 
 
-def test_it_goes_on_no_further_than_the_first_difference(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
+def test_rerun_ends_at_the_first_difference(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
     found = again(greeting, changed(tmp_path, "within: 5 deg", "within: 2 deg"), robot)
     assert found.difference is not None
     assert found.ticks == found.difference.tick < len(greeting.tick_records)
 
 
-def test_what_was_put_in_shifts_no_other_node(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
+def test_inserted_node_does_not_shift_others(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
     mission = changed(tmp_path, "    - find_face", "    - log: looking\n    - find_face")
     found = again(greeting, mission, robot)
     assert found.difference is None
     assert found.nodes == sum(1 for _ in greeting.runner.plan.tree.walk())
 
 
-def test_a_behind_node_is_still_compared_where_its_key_is_another(
-    greeting: Past, robot: RobotConfig, tmp_path: Path
-) -> None:
+def test_node_with_a_shifted_key_is_still_compared(greeting: Past, robot: RobotConfig, tmp_path: Path) -> None:
     path = changed(tmp_path, "    - find_face", "    - log: looking\n    - find_face")
     path.write_text(path.read_text().replace("within: 5 deg", "within: 2 deg"))
     difference = again(greeting, path, robot).difference
@@ -113,7 +111,7 @@ def test_other_words_alone_are_other_commands_and_no_other_status(
     assert found.command.place.startswith("say (line")
 
 
-def test_what_was_never_heard_cannot_be_decided(robot: RobotConfig, tmp_path: Path) -> None:
+def test_rerun_ends_at_a_query_without_recorded_answer(robot: RobotConfig, tmp_path: Path) -> None:
     looked = past_of(RunRequest("look_around", simulate="fast", eyes="truth"))
     mission = tmp_path / "look_around.yaml"
     mission.write_text("mission: look_around\ntree:\n  gesture: hello\n")
@@ -123,7 +121,7 @@ def test_what_was_never_heard_cannot_be_decided(robot: RobotConfig, tmp_path: Pa
     assert found.unanswered.endswith("gesture (line 3) queries arm.limits")
 
 
-def test_an_answer_that_was_another_is_a_difference(greeting: Past, robot: RobotConfig) -> None:
+def test_changed_answer_is_a_difference(greeting: Past, robot: RobotConfig) -> None:
     def unseen(answer: Answer) -> Answer:
         return (*answer[:3], ()) if answer[:2] == ("sight", "faces") else answer
 
@@ -134,14 +132,14 @@ def test_an_answer_that_was_another_is_a_difference(greeting: Past, robot: Robot
     assert found.difference.recorded.status == "success"
 
 
-def test_of_a_run_that_was_killed_the_last_tick_is_left_out(greeting: Past, robot: RobotConfig) -> None:
+def test_last_tick_of_a_killed_run_is_ignored(greeting: Past, robot: RobotConfig) -> None:
     torn = replace(greeting, tick_records=greeting.tick_records[:50], is_complete=False)
     found = again(torn, GREET, robot)
     assert found.is_identical
     assert found.ticks == 49
 
 
-def test_an_interrupted_run_is_decided_again_with_its_halting(robot: RobotConfig) -> None:
+def test_rerun_of_an_interrupted_run_includes_the_halt(robot: RobotConfig) -> None:
     def stop(runner: Runner, moment: TickRecord) -> None:
         if moment.tick == 60:
             runner.executive.stop("enough")
@@ -179,7 +177,7 @@ def test_run_that_is_interrupted_in_a_cleanup_is_decided_again(robot: RobotConfi
     assert again(past, mission, robot).is_identical
 
 
-def test_a_run_that_was_paused_is_decided_again(robot: RobotConfig) -> None:
+def test_rerun_of_a_paused_run_is_identical(robot: RobotConfig) -> None:
     def pause(runner: Runner, moment: TickRecord) -> None:
         if moment.kind == "look":
             runner.executive.resume()
@@ -207,9 +205,7 @@ def test_a_run_in_real_time_is_decided_again(robot: RobotConfig) -> None:
 
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tick=st.integers(min_value=2, max_value=200), seed=st.integers(min_value=0, max_value=2**32))
-def test_a_status_that_was_another_is_found_wherever_it_is(
-    greeting: Past, robot: RobotConfig, tick: int, seed: int
-) -> None:
+def test_changed_status_is_found_anywhere(greeting: Past, robot: RobotConfig, tick: int, seed: int) -> None:
     changes = [event for event in greeting.events if isinstance(event, NodeChanged) and event.tick >= tick]
     wrong = random.Random(seed).choice(changes[:10])  # noqa: S311 - any will do
     other = "failure" if wrong.status != "failure" else "success"

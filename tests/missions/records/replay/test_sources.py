@@ -78,7 +78,7 @@ def again(
     return rerun(record, sources.plan(robot), robot), list(sources.changed_files())
 
 
-def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
+def test_missing_files_are_read_from_the_record(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
     for path in ("mine.yaml", "inner.yaml", "gestures/nod.yaml", "behaviours/counting.py"):
         (folder / path).unlink()
@@ -98,7 +98,7 @@ def test_all_that_is_gone_is_taken_from_the_record(mine: tuple[RunRecord, Path],
         ("gestures/nod.yaml", "0.5 s", "0.2 s"),
     ],
 )
-def test_what_has_changed_today_counts_unless_the_recorded_is_asked_for(
+def test_changed_files_are_used_unless_recorded_ones_are_requested(
     mine: tuple[RunRecord, Path], tmp_path: Path, path: str, was: str, becomes: str
 ) -> None:
     record, folder = mine
@@ -110,9 +110,7 @@ def test_what_has_changed_today_counts_unless_the_recorded_is_asked_for(
     assert again(record, tmp_path / "recorded", recorded=True)[0].is_identical
 
 
-def test_python_is_taken_from_the_record_or_from_where_the_user_says(
-    mine: tuple[RunRecord, Path], tmp_path: Path
-) -> None:
+def test_python_is_read_from_the_record_or_the_given_file(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
     file = folder / "behaviours/counting.py"
     file.write_text(LEAF.replace(">= self.most", "> self.most"))
@@ -122,7 +120,7 @@ def test_python_is_taken_from_the_record_or_from_where_the_user_says(
     assert not again(record, tmp_path / "own", code=[file])[0].is_identical
 
 
-def test_python_is_not_run_unless_it_is_trusted(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
+def test_recorded_python_runs_only_if_trusted(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
     sources = RerunFiles(record.header, record.files, tmp_path / "unpacked")
     sources.unpack()
@@ -132,14 +130,14 @@ def test_python_is_not_run_unless_it_is_trusted(mine: tuple[RunRecord, Path], tm
         sources.plan(sources.robot())
 
 
-def test_a_file_that_is_wrong_today_is_told_as_it_always_is(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
+def test_fault_of_a_changed_file_is_reported(mine: tuple[RunRecord, Path], tmp_path: Path) -> None:
     record, folder = mine
     (folder / "inner.yaml").write_text("mission: inner\ntree: {fly: 1 m}\n")
     with pytest.raises(InvalidFileError, match="fly"):
         again(record, tmp_path / "unpacked")
 
 
-def test_what_a_mission_writes_is_not_written_over(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rerun_does_not_overwrite_files_of_the_mission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     mission = tmp_path / "mine.yaml"
     mission.write_text(
@@ -170,7 +168,7 @@ def test_no_name_of_a_file_leads_out_of_the_folder(greeted: RunRecord, tmp_path:
     assert not (tmp_path / "evil").exists()
 
 
-def test_no_file_of_a_record_hides_behind_another(greeted: RunRecord, tmp_path: Path) -> None:
+def test_two_record_files_of_one_path_are_refused(greeted: RunRecord, tmp_path: Path) -> None:
     files = {"behaviours/mine.py": b"good", "behaviours/../mine.py": b"evil"}
     with pytest.raises(
         InvalidRecordError, match=r"two files of the record have the same name: behaviours/\.\./mine\.py"

@@ -54,13 +54,13 @@ def images(path: Path) -> int:
     return sum(tag == "img" for tag, _ in Reader(path.read_text(encoding="utf-8")).tags)
 
 
-def test_a_report_is_written_where_it_is_wanted(report: Report, record: RunRecord, tmp_path: Path) -> None:
+def test_report_is_written_to_the_given_path(report: Report, record: RunRecord, tmp_path: Path) -> None:
     told = report(record.path, "-o", tmp_path / "report.html")
     assert (told.exit_code, told.output) == (0, f"wrote {tmp_path / 'report.html'} (only you can read it)\n")
     assert images(tmp_path / "report.html") == 5 + 1
 
 
-def test_else_it_is_written_beside_the_record(report: Report, record: RunRecord, tmp_path: Path) -> None:
+def test_report_is_written_beside_the_record_by_default(report: Report, record: RunRecord, tmp_path: Path) -> None:
     path = tmp_path / "m.mcap"
     path.write_bytes(record.path.read_bytes())
     assert report(path).exit_code == 0
@@ -72,7 +72,7 @@ def test_else_it_is_written_beside_the_record(report: Report, record: RunRecord,
     ("option", "name", "words"),
     [("-o", "m.pdf", "not the name of an HTML page\n  try: -o "), ("--plots", "m.png", "would become a folder")],
 )
-def test_a_name_that_ends_as_something_else_is_refused(
+def test_report_name_with_another_ending_is_refused(
     report: Report, record: RunRecord, tmp_path: Path, option: str, name: str, words: str
 ) -> None:
     told = report(record.path, option, tmp_path / name)
@@ -82,16 +82,14 @@ def test_a_name_that_ends_as_something_else_is_refused(
 
 
 @pytest.mark.parametrize(("most", "there"), [(0, 0), (2, 3)])
-def test_there_are_no_more_pictures_than_wanted(
+def test_number_of_pictures_is_limited(
     report: Report, record: RunRecord, tmp_path: Path, most: int, there: int
 ) -> None:
     assert report(record.path, "-o", tmp_path / "report.html", "--pictures", most).exit_code == 0
     assert images(tmp_path / "report.html") == there
 
 
-def test_plots_are_written_for_papers_and_the_page_only_if_it_is_wanted(
-    report: Report, record: RunRecord, tmp_path: Path
-) -> None:
+def test_plots_are_written_without_the_page(report: Report, record: RunRecord, tmp_path: Path) -> None:
     told = report(record.path, "--plots", tmp_path / "plots")
     assert told.exit_code == 0
     names = ["battery", "pan", "route", "speed", "timeline", "tracking"]
@@ -104,7 +102,7 @@ def test_plots_are_written_for_papers_and_the_page_only_if_it_is_wanted(
         assert f"{name}.png" in told.output
 
 
-def test_plots_without_their_extra_say_what_to_install(
+def test_missing_plots_extra_gives_the_install_command(
     report: Report, record: RunRecord, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib.axes", None)
@@ -114,7 +112,7 @@ def test_plots_without_their_extra_say_what_to_install(
     assert "pip install 'missiontree[plots]'" in told.output
 
 
-def test_what_is_no_record_is_said_with_what_to_try(report: Report, tmp_path: Path) -> None:
+def test_file_that_is_not_a_record_is_refused_with_a_hint(report: Report, tmp_path: Path) -> None:
     (tmp_path / "m.yaml").write_text("mission: m\n")
     told = report(tmp_path / "m.yaml")
     assert told.exit_code == 2
@@ -123,7 +121,7 @@ def test_what_is_no_record_is_said_with_what_to_try(report: Report, tmp_path: Pa
     assert report(tmp_path / "none.mcap").exit_code == 2
 
 
-def test_a_place_that_cannot_be_written_is_named(report: Report, record: RunRecord, tmp_path: Path) -> None:
+def test_unwritable_output_path_is_named(report: Report, record: RunRecord, tmp_path: Path) -> None:
     told = report(record.path, "-o", tmp_path / "no" / "report.html")
     assert told.exit_code == 2
     assert str(tmp_path / "no" / "report.html") in told.output

@@ -80,7 +80,7 @@ def figures(record: RunRecord) -> dict[str, JointFigures]:
     return {each.name: each for each in joint_figures(record, joint_samples(record))}
 
 
-def test_the_error_of_a_joint_is_told_with_when_it_was_greatest(tmp_path: Path) -> None:
+def test_joint_error_has_rms_and_worst_with_its_time(tmp_path: Path) -> None:
     found = figures(record_of(tmp_path, elbow=waves))["elbow"]
     # Of a sine the mean square is half of its peak's; one sample of 40, at which it is 0, is 3 deg off instead.
     assert found.rms == pytest.approx(sqrt(2.0**2 / 2 + 3.0**2 / 40))
@@ -89,18 +89,18 @@ def test_the_error_of_a_joint_is_told_with_when_it_was_greatest(tmp_path: Path) 
     assert found.hottest == 39.0
 
 
-def test_the_energy_is_torque_times_speed_where_a_real_servo_tells_its_load(tmp_path: Path) -> None:
+def test_energy_is_torque_times_speed_of_real_servos_only(tmp_path: Path) -> None:
     assert figures(record_of(tmp_path, elbow=waves))["elbow"].energy == pytest.approx(0.5 * STALL * 1.0 * 3.9)
     simulated = figures(record_of(tmp_path, real=False, elbow=waves))["elbow"]
     assert (simulated.energy, simulated.load) == (None, None)
 
 
-def test_a_joint_that_is_driven_by_what_it_carries_does_no_work(tmp_path: Path) -> None:
+def test_joint_driven_by_its_load_does_no_work(tmp_path: Path) -> None:
     record = record_of(tmp_path, elbow=lambda t: replace(waves(t), load=-0.5))
     assert figures(record)["elbow"].energy == 0.0
 
 
-def test_the_energy_of_a_servo_that_no_robot_file_names_is_not_known(tmp_path: Path) -> None:
+def test_energy_of_an_unknown_servo_is_none(tmp_path: Path) -> None:
     found = figures(record_of(tmp_path, wing=waves))["wing"]
     assert (found.energy, found.load) == (None, 0.5)
 
@@ -111,11 +111,11 @@ def test_a_joint_without_a_goal_and_a_limp_one_have_no_error(tmp_path: Path, sta
     assert all((each.rms, each.worst, each.samples) == (None, None, 0) for each in found.values())
 
 
-def test_what_a_silent_servo_said_before_does_not_count(tmp_path: Path) -> None:
+def test_stale_servo_readings_are_ignored(tmp_path: Path) -> None:
     assert figures(record_of(tmp_path, quality=Quality.STALE, elbow=waves)) == {}
 
 
-def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_none(tmp_path: Path) -> None:
+def test_only_moving_joints_have_a_chart_of_goal_and_angle(tmp_path: Path) -> None:
     record = record_of(tmp_path, elbow=waves, wrist=lambda _: AT_REST)
     (drawn,) = joint_charts(joint_samples(record))
     assert (drawn.key, drawn.title, [(line.name, line.requested) for line in drawn.lines]) == (
@@ -126,7 +126,7 @@ def test_a_joint_that_moved_has_a_chart_of_goal_and_angle_and_one_at_rest_has_no
     assert {len(line.points) for line in drawn.lines} == {40}
 
 
-def test_a_report_has_a_section_on_joints_and_says_the_worst(tmp_path: Path) -> None:
+def test_report_has_a_joints_section_with_the_worst_error(tmp_path: Path) -> None:
     found = study_record(record_of(tmp_path, elbow=waves))
     assert "Joint error: 1.49° root mean square, 3.0° at most (elbow, at 1.50 s)." in summary_sentences(found)
     assert "Work of the motors: 3 J." in summary_sentences(found)
@@ -136,7 +136,7 @@ def test_a_report_has_a_section_on_joints_and_says_the_worst(tmp_path: Path) -> 
     assert [path.name for path in draw_plots(found, tmp_path / "plots")] == ["joint_elbow.png"]
 
 
-def test_a_report_of_a_robot_without_joints_has_no_such_section(tmp_path: Path) -> None:
+def test_report_without_joints_has_no_joints_section(tmp_path: Path) -> None:
     found = study_record(open_record(write(tmp_path / "m.mcap", items())))
     assert "<h2>Joints</h2>" not in report_page(found)
 
@@ -148,7 +148,7 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(command, ["joints", *map(str, arguments)])
 
 
-def test_the_command_tells_the_figures_as_a_table_as_json_and_for_a_spreadsheet(tmp_path: Path) -> None:
+def test_joints_command_prints_table_json_and_csv(tmp_path: Path) -> None:
     path = record_of(tmp_path, elbow=waves).path
     told = run(path).output.splitlines()
     assert " ".join(told[0].split()) == "joint rms deg max deg at s motor J load % degC samples"
@@ -159,7 +159,7 @@ def test_the_command_tells_the_figures_as_a_table_as_json_and_for_a_spreadsheet(
     assert joint["rms"] == pytest.approx(float(row["rms"])) == pytest.approx(1.4916, abs=1e-3)
 
 
-def test_the_command_says_so_where_there_are_no_joints(tmp_path: Path) -> None:
+def test_joints_command_reports_missing_joint_states(tmp_path: Path) -> None:
     result = run(write(tmp_path / "m.mcap", items()))
     assert (result.exit_code, result.output) == (0, "no joint states in this record\n")
 
@@ -179,18 +179,18 @@ def foreign(tmp_path: Path, joints: Iterable[tuple[str, dict[str, Any]]]) -> Run
 
 @each("value", [1e308, -1e308, "nan", "inf", "-inf", 1e18])
 @each("word", ["position", "velocity", "goal", "load", "temperature"])
-def test_numbers_that_no_joint_has_are_left_out(tmp_path: Path, word: str, value: object) -> None:
+def test_joints_with_impossible_numbers_are_ignored(tmp_path: Path, word: str, value: object) -> None:
     assert figures(foreign(tmp_path, [("elbow", {word: value}), ("wrist", {})])).keys() == {"wrist"}
 
 
 @each("value", ["far", [], {}, 10**400, None])
-def test_what_is_no_number_is_told(tmp_path: Path, value: object) -> None:
+def test_joint_position_that_is_not_a_number_is_refused(tmp_path: Path, value: object) -> None:
     record = foreign(tmp_path, [("elbow", {"position": value})])
     with pytest.raises(InvalidRecordError, match="damaged record"):
         joint_samples(record)
 
 
-def test_the_greatest_numbers_that_are_believed_can_be_reckoned_with_and_drawn(tmp_path: Path) -> None:
+def test_largest_accepted_joint_values_can_be_plotted(tmp_path: Path) -> None:
     most = dict.fromkeys(("velocity", "goal", "load", "temperature"), 0.9e9)
     found = study_record(foreign(tmp_path, [("elbow", {"position": -0.9e9, **most})]))
     assert "NaN" not in report_page(found)
@@ -211,5 +211,5 @@ def test_no_name_of_a_joint_is_markup_a_formula_or_a_path(tmp_path: Path) -> Non
     assert run(record.path).exit_code == 0
 
 
-def test_of_very_many_joints_some_are_told(tmp_path: Path) -> None:
+def test_number_of_joints_is_limited(tmp_path: Path) -> None:
     assert len(figures(foreign(tmp_path, [(f"j{n}", {}) for n in range(3 * MAX_JOINTS)]))) == MAX_JOINTS

@@ -48,14 +48,14 @@ def person(tab: Tab) -> str:
     return " ".join(str(tab.evaluate("document.querySelectorAll('.variables tr')[2].innerText")).split())
 
 
-def test_a_report_asks_no_other_host_and_nothing_goes_wrong(tab: Tab, file: Path) -> None:
+def test_report_page_loads_nothing_else_and_has_no_errors(tab: Tab, file: Path) -> None:
     tab.find("slider", "Time").focus()
     tab.press("Home", "ArrowRight", "End")
     assert tab.requests == [file.resolve().as_uri()]
     assert tab.errors == []
 
 
-def test_a_report_has_its_parts_by_name(tab: Tab) -> None:
+def test_report_page_has_its_headings(tab: Tab) -> None:
     assert tab.find("heading", "Mission m").name == f"Mission m {SIGNS['failure']} failure"
     assert [heading.name for heading in tab.all("heading")[1:]] == [
         "State",
@@ -97,7 +97,7 @@ def test_the_slider_moves_the_tree_the_variables_the_picture_and_the_charts(tab:
     assert state()[:2] == ("0.10 s, tick 1", "running")  # before that it got ready
 
 
-def test_it_begins_at_the_beginning_and_plays_to_the_end(tab: Tab) -> None:
+def test_report_page_plays_from_start_to_end(tab: Tab) -> None:
     assert moment(tab) == "0.10 s, tick 1"
     assert root(tab) == "running"
     tab.evaluate("document.querySelector('#speed').value = '20'")
@@ -117,7 +117,7 @@ def playing(tab: Tab) -> str:
     return str(tab.evaluate("document.querySelector('#play').textContent")).split()[-1]
 
 
-def test_next_and_previous_failure_go_to_where_nodes_failed_and_say_which(tab: Tab) -> None:
+def test_failure_buttons_jump_to_failures_and_name_the_node(tab: Tab) -> None:
     slider = tab.find("slider", "Time")
     slider.focus()
     tab.press("Home")
@@ -137,7 +137,7 @@ def test_next_and_previous_failure_go_to_where_nodes_failed_and_say_which(tab: T
     assert "drive failed" not in tab.text()
 
 
-def test_a_time_a_picture_and_a_place_in_the_timeline_go_there(tab: Tab) -> None:
+def test_times_pictures_and_timeline_jump_to_their_time(tab: Tab) -> None:
     tab.find("button", "4.50 s").click()
     assert moment(tab) == "4.50 s, tick 89"
     tab.find("button", "Picture").click()
@@ -153,7 +153,7 @@ def test_a_node_of_the_timeline_is_shown_in_the_tree(tab: Tab) -> None:
     assert tab.evaluate("document.querySelector('tr.current').dataset.row") == "1.3.1"
 
 
-def test_pictures_are_there(tab: Tab) -> None:
+def test_report_page_shows_its_pictures(tab: Tab) -> None:
     sizes = tab.evaluate("[...document.images].map((image) => image.naturalWidth)")
     assert sizes == [320] * 4
 
@@ -174,7 +174,7 @@ def test_without_a_script_the_end_of_the_run_is_to_be_read(browser: Browser, fil
 
 
 @each(("size", "dark"), [((390, 844), False), ((768, 1024), False), ((1600, 1000), True), ((390, 844), True)])
-def test_it_fits_phones_and_desks_by_day_and_by_night(
+def test_report_page_fits_phones_and_desktops_light_and_dark(
     browser: Browser, file: Path, size: tuple[int, int], dark: bool
 ) -> None:
     tab = browser.open(file, size=size, dark=dark)

@@ -16,7 +16,7 @@ from perception.annotate import INK
 from perception.api import UNKNOWN, Box, Face, View
 
 
-def test_a_picture_is_small_and_says_what_is_in_it(found: RecordStudy) -> None:
+def test_picture_is_scaled_and_has_a_caption(found: RecordStudy) -> None:
     assert [picture.time for picture in found.pictures] == [1.0, 4.0, 5.0]
     for picture in found.pictures:
         image = cv2.imdecode(np.frombuffer(picture.jpeg, np.uint8), cv2.IMREAD_COLOR)
@@ -27,13 +27,13 @@ def test_a_picture_is_small_and_says_what_is_in_it(found: RecordStudy) -> None:
         assert np.abs(frame - INK).max() < 60
 
 
-def test_what_was_followed_is_told_once_with_how_near_it_came(found: RecordStudy) -> None:
+def test_followed_face_is_one_sighting_with_its_nearest_distance(found: RecordStudy) -> None:
     assert [(each.name, each.first, each.last, each.views, each.nearest) for each in found.sightings] == [
         ("face 1", 1.01, 5.01, 5, 1.5)
     ]
 
 
-def test_whoever_has_a_name_is_told_once_with_how_often_they_came() -> None:
+def test_named_people_are_one_sighting_each_with_a_count() -> None:
     def view(t: float, *seen: tuple[int, str]) -> tuple[float, View]:
         faces = tuple(Face(n, t, Box(0, 0, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0 - t / 10, who) for n, who in seen)
         return t, View(looked=t, faces=faces)
@@ -61,7 +61,7 @@ def test_pictures_before_failures_are_chosen_first() -> None:
     st.integers(0, 20),
     st.lists(st.floats(0, 100), max_size=30),
 )
-def test_as_many_pictures_as_there_may_be_are_chosen(stamps: list[float], most: int, failures: list[float]) -> None:
+def test_chosen_frames_fill_the_allowed_number(stamps: list[float], most: int, failures: list[float]) -> None:
     assert len(choose_frames(stamps, most, failures)) == min(most, len(stamps))
 
 

@@ -22,7 +22,7 @@ from tests.missions.records.report.told_record import END, FAILED
 from tests.missions.views.pictures.drawn import HOSTILE
 
 
-def test_every_tick_is_a_place_from_the_first_on_and_so_is_the_end(found: RecordStudy) -> None:
+def test_slider_has_every_tick_and_the_end(found: RecordStudy) -> None:
     moments = found.slider
     assert (moments.start, moments.end, len(moments.times)) == (0.1, END, 119)
     assert moments.ticks[:3] == [1, 2, 3]
@@ -49,7 +49,7 @@ def test_the_page_has_the_statuses_of_the_record_at_every_place(record: RunRecor
         }
 
 
-def test_failures_are_places_each_with_the_node_that_failed_first(record: RunRecord, found: RecordStudy) -> None:
+def test_slider_failures_name_the_node_that_failed_first(record: RunRecord, found: RecordStudy) -> None:
     moments = found.slider
     assert [(moments.times[place], first.kind) for place, first in failure_positions(record, moments)] == [
         (FAILED, "drive"),
@@ -57,7 +57,7 @@ def test_failures_are_places_each_with_the_node_that_failed_first(record: RunRec
     ]
 
 
-def test_variables_are_in_words_and_those_of_a_mission_inside_say_so(record: RunRecord, found: RecordStudy) -> None:
+def test_variables_are_described_with_their_submission(record: RunRecord, found: RecordStudy) -> None:
     texts = TextTable()
     shown = variable_histories(record, found.drawing, found.slider, texts)
     said = texts.all()
@@ -69,9 +69,7 @@ def test_variables_are_in_words_and_those_of_a_mission_inside_say_so(record: Run
     ]
 
 
-def test_a_piece_of_a_record_begins_where_it_was_cut_and_knows_what_held_there(
-    record: RunRecord, tmp_path: Path
-) -> None:
+def test_slider_of_a_cut_record_begins_with_the_state_at_its_start(record: RunRecord, tmp_path: Path) -> None:
     cut_record(record, 3.5, 4.5, tmp_path / "piece.mcap")
     with (tmp_path / "piece.mcap").open("rb") as file:
         assert make_reader(file).get_summary() is not None

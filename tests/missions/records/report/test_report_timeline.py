@@ -22,23 +22,23 @@ def bars(*changes: tuple[float, str], end: float = 10.0) -> list[tuple[float, fl
     ]
 
 
-def test_a_bar_goes_from_the_first_tick_of_a_leaf_to_its_result() -> None:
+def test_bar_spans_from_first_tick_to_result() -> None:
     assert bars((1.0, "running"), (3.0, "success")) == [(1.0, 3.0, "success")]
 
 
-def test_a_leaf_that_answers_at_once_has_a_bar_without_a_length() -> None:
+def test_instant_result_is_a_bar_without_length() -> None:
     assert bars((1.0, "failure"), (1.0, "idle"), (2.0, "success")) == [(1.0, 1.0, "failure"), (2.0, 2.0, "success")]
 
 
-def test_what_is_interrupted_ends_idle_and_what_goes_on_ends_with_the_record() -> None:
+def test_interrupted_bar_ends_idle_and_running_bar_ends_with_the_record() -> None:
     assert bars((1.0, "running"), (2.0, "idle"), (3.0, "running")) == [(1.0, 2.0, "idle"), (3.0, 10.0, "running")]
 
 
-def test_another_reason_while_it_runs_begins_no_other_bar() -> None:
+def test_new_feedback_does_not_begin_another_bar() -> None:
     assert bars((1.0, "running"), (2.0, "running"), (3.0, "success")) == [(1.0, 3.0, "success")]
 
 
-def test_only_leaves_that_were_asked_have_a_lane_and_those_inside_say_where(found: RecordStudy) -> None:
+def test_lanes_are_ticked_leaves_with_their_submission(found: RecordStudy) -> None:
     assert [(lane.box.kind, lane.submission, lane.busy_seconds) for lane in found.lanes] == [
         ("track_face", "", 2.9),
         ("say", "", 1.0),
@@ -46,7 +46,7 @@ def test_only_leaves_that_were_asked_have_a_lane_and_those_inside_say_where(foun
     ]
 
 
-def test_bars_that_cannot_be_told_apart_are_one_that_failed_if_any_did() -> None:
+def test_indistinguishable_bars_are_merged_and_failure_wins() -> None:
     many = [Bar(t / 1000, t / 1000, "failure" if t == 3 else "success", f"at {t}") for t in range(5)]
     assert merge_bars(many, 100.0) == [Bar(0.0, 0.004, "failure", "at 3", 5)]
     assert merge_bars(many, 0.1) == many

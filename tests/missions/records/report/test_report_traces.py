@@ -34,7 +34,7 @@ values = st.floats(-1e6, 1e6)
 series = st.lists(st.tuples(st.floats(0, 100), values), min_size=1, max_size=3000).map(sorted)
 
 
-def test_there_is_a_chart_for_all_that_moved(found: RecordStudy) -> None:
+def test_everything_that_moved_has_a_chart(found: RecordStudy) -> None:
     assert [(drawn.key, [line.name for line in drawn.lines]) for drawn in found.charts] == [
         ("speed", ["setpoint", "measured"]),
         ("pan", ["setpoint", "measured"]),
@@ -43,7 +43,7 @@ def test_there_is_a_chart_for_all_that_moved(found: RecordStudy) -> None:
     ]
 
 
-def test_a_chart_begins_with_what_held_then(found: RecordStudy) -> None:
+def test_chart_begins_with_the_value_at_its_start(found: RecordStudy) -> None:
     def battery(begin: float) -> list[tuple[float, float]]:
         (line,) = next(drawn for drawn in make_charts(found.record, [], begin) if drawn.key == "battery").lines
         return list(line.points)
@@ -54,7 +54,7 @@ def test_a_chart_begins_with_what_held_then(found: RecordStudy) -> None:
     assert battery(begin) == [(begin, before[1]), *whole[5:]]
 
 
-def test_angles_are_in_degrees_and_asked_goes_before_measured(found: RecordStudy) -> None:
+def test_angles_are_in_degrees_and_setpoint_leads_measurement(found: RecordStudy) -> None:
     pan = next(drawn for drawn in found.charts if drawn.key == "pan")
     asked, measured = (dict(line.points) for line in pan.lines)
     time = max(asked)
@@ -62,12 +62,12 @@ def test_angles_are_in_degrees_and_asked_goes_before_measured(found: RecordStudy
     assert asked[time] - measured[time] == pytest.approx(degrees(0.02), abs=0.2)
 
 
-def test_the_way_of_the_base_is_as_long_as_it_drove(found: RecordStudy) -> None:
+def test_route_length_equals_the_distance_driven(found: RecordStudy) -> None:
     assert found.route.length == pytest.approx(0.2, abs=0.02)
     assert found.route.rotation == 0.0
 
 
-def test_the_error_is_that_of_the_face_while_it_was_followed(found: RecordStudy) -> None:
+def test_tracking_error_is_measured_while_the_face_is_followed(found: RecordStudy) -> None:
     assert [miss.time for miss in found.tracking_errors] == pytest.approx([1.01, 2.01])
     assert {round(miss.horizontal, 6) for miss in found.tracking_errors} == {round(degrees(0.2), 6)}
     assert tracking_rms(found.tracking_errors) == pytest.approx(degrees(0.2))
@@ -86,18 +86,18 @@ def two_faces(tmp_path: Path, box: TreeBox, *more: Item) -> list[float]:
     return [round(miss.horizontal, 3) for miss in study_record(record).tracking_errors]
 
 
-def test_it_stays_with_the_face_that_was_the_largest_at_first(tmp_path: Path) -> None:
+def test_tracking_error_keeps_the_face_that_was_largest_at_first(tmp_path: Path) -> None:
     box = TreeBox("1", "follow_person", "follow_person", "■", "m.yaml", 1)
     assert two_faces(tmp_path, box) == [round(degrees(0.1), 3)] * 2
 
 
-def test_it_begins_with_the_face_that_the_file_names(tmp_path: Path) -> None:
+def test_tracking_error_uses_the_face_named_by_the_mission(tmp_path: Path) -> None:
     box = TreeBox("1", "track_face", "track_face", "■", "m.yaml", 1, arguments={"face": "${person}"})
     known = VariableSet(0.1, 1, "", "person", face(0.1, number=2))
     assert two_faces(tmp_path, box, known) == [round(degrees(0.3), 3)] * 2
 
 
-def test_nothing_is_followed_by_leaves_that_follow_nothing(tmp_path: Path) -> None:
+def test_leaves_that_do_not_track_have_no_tracking_error(tmp_path: Path) -> None:
     assert two_faces(tmp_path, TreeBox("1", "find_face", "find_face", "■", "m.yaml", 1)) == []
 
 
@@ -108,7 +108,7 @@ def test_a_line_has_a_gap_where_nothing_is_known() -> None:
 
 
 @given(series)
-def test_a_thinned_line_keeps_its_ends_and_its_peaks_and_is_no_longer_than_can_be_seen(
+def test_thinned_line_keeps_ends_and_peaks_and_is_short(
     points: list[tuple[float, float]],
 ) -> None:
     thin = thin_points(points, 0.0, 100.0)
@@ -134,12 +134,12 @@ def test_a_scale_has_two_numbers_at_least() -> None:
 
 
 @given(series, st.sampled_from(["%", "°"]))
-def test_a_drawn_line_stays_within_its_chart(points: list[tuple[float, float]], unit: str) -> None:
+def test_chart_line_stays_within_its_chart(points: list[tuple[float, float]], unit: str) -> None:
     moments = SliderTimes([0.0, 100.0], [0, 1])
     text = str(chart_figure(Chart("x", "X", unit, [ChartLine("x", points)]), moments))
     path = re.findall(r"[-\d.]+", text.partition(' d="')[2].partition('"')[0])
     assert all(0.0 <= float(number) <= 1000.0 for number in path)
 
 
-def test_a_time_is_told_as_a_share_of_the_record() -> None:
+def test_time_is_a_percentage_of_the_record() -> None:
     assert percent_along(15.0, SliderTimes([10.0, 30.0], [0, 1])) == "25.000%"

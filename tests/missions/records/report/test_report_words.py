@@ -32,7 +32,7 @@ def said_of(tmp_path: Path, what: list[Item | LossItem], *, eyes: str = "pixels"
     return list(summary_sentences(study_record(open_record(path))))
 
 
-def test_a_summary_says_how_it_went_and_why(found: RecordStudy) -> None:
+def test_summary_describes_the_run_and_its_failure(found: RecordStudy) -> None:
     assert list(summary_sentences(found)) == [
         f"It failed after 6.00 s and 119 ticks: {HOSTILE}.",
         "Cause of the failure: drive (m.yaml, line 2), at 5.00 s.",
@@ -47,7 +47,7 @@ def test_a_summary_says_how_it_went_and_why(found: RecordStudy) -> None:
     ]
 
 
-def test_each_number_in_an_object_has_its_unit() -> None:
+def test_each_number_of_an_object_has_its_unit() -> None:
     assert value_text(HeadPose(0.5235988, -0.1)) == "HeadPose: pan 30 deg, tilt -5.7296 deg"
     assert value_text({"elbow": JointError(0.01, 0.1, 1.5, 40)}) == (
         "elbow: JointError: rms 0.573 deg, worst 5.7296 deg, at 1.5 s, readings 40"
@@ -55,7 +55,7 @@ def test_each_number_in_an_object_has_its_unit() -> None:
     assert value_text({}) == "nothing"
 
 
-def test_a_quantity_of_a_record_has_its_unit() -> None:
+def test_quantity_of_a_record_has_its_unit() -> None:
     def told(value: object, dimension: str | None) -> str:
         return variable_text(VariableSet(0.0, 0, "", "x", value, dimension))
 
@@ -65,20 +65,20 @@ def test_a_quantity_of_a_record_has_its_unit() -> None:
     assert (told(3, None), told(None, None), told(nan, "length")) == ("3", "nothing", "nan")
 
 
-def test_what_failed_on_the_way_is_told_besides_what_the_run_failed_by(tmp_path: Path) -> None:
+def test_other_failed_actions_are_summarised(tmp_path: Path) -> None:
     lost = [NodeChanged(t, 20, "1.1", "track_face", "track_face", 1, "failure", "lost it") for t in (1.0, 2.0)]
     told = said_of(tmp_path, [*items(), *lost])
     assert "Other actions failed twice, first track_face (m.yaml, line 3), at 1.00 s: lost it." in told
 
 
-def test_what_comes_up_at_the_beginning_is_no_fault_but_what_comes_back_is_told(found: RecordStudy) -> None:
+def test_initial_online_status_is_not_a_fault(found: RecordStudy) -> None:
     assert [(event.part, event.status) for event in reported_faults(found.record)] == [
         ("base", "offline"),
         ("base", "online"),
     ]
 
 
-def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
+def test_summary_without_faults_and_failures_is_explicit(tmp_path: Path) -> None:
     end = Ended(1.0, "m", "success", "", 1.0, 20)
     told = said_of(tmp_path, [FaultRaised(0.0, "base", "online", ""), end], eyes="")
     assert told == [
@@ -89,7 +89,7 @@ def test_a_run_without_faults_and_failures_says_so(tmp_path: Path) -> None:
     ]
 
 
-def test_the_time_that_a_robot_took_to_get_ready_is_said_and_is_not_on_the_timeline(tmp_path: Path) -> None:
+def test_startup_time_is_reported_but_not_on_the_timeline(tmp_path: Path) -> None:
     late = [item for item in items() if not isinstance(item, TickRecord | NodeChanged) or item.t >= 3.0]
     path = write(tmp_path / "late.mcap", late)
     found = study_record(open_record(path))
@@ -98,12 +98,12 @@ def test_the_time_that_a_robot_took_to_get_ready_is_said_and_is_not_on_the_timel
     assert min(time for drawn in found.charts for line in drawn.lines for time, _ in line.points) >= 3.0
 
 
-def test_a_record_that_was_cut_off_says_that_the_end_is_not_in_it(tmp_path: Path) -> None:
+def test_summary_of_an_incomplete_record_omits_the_result(tmp_path: Path) -> None:
     told = said_of(tmp_path, [item for item in items() if not isinstance(item, Ended)])
     assert told[0] == "The record ends at 6.00 s, before the mission did; the result of the mission is not recorded."
 
 
-def test_what_was_lost_is_said_and_so_is_that_it_saw_nothing(tmp_path: Path) -> None:
+def test_losses_and_absent_percepts_are_reported(tmp_path: Path) -> None:
     blind = [replace_view(item) for item in items() if not isinstance(item, PictureItem)]
     told = said_of(tmp_path, [*blind, LossItem({"/camera": 3}, "the disk was slow")])
     assert told[-2:] == [
@@ -118,12 +118,12 @@ def replace_view(item: Item) -> Item:
     return item._replace(view=replace(item.view, faces=())) if isinstance(item, ViewItem) else item
 
 
-def test_a_run_that_somebody_has_stopped_is_told_so(tmp_path: Path) -> None:
+def test_interrupted_run_is_reported_as_stopped(tmp_path: Path) -> None:
     path = write(tmp_path / "stopped.mcap", [Ended(1.0, "m", "interrupted", "Ctrl-C", 1.0, 20)])
     assert verdict(open_record(path)) == ("interrupted", "It was stopped after 1.00 s and 20 ticks: Ctrl-C.")
 
 
-def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(tmp_path: Path) -> None:
+def test_part_back_online_is_not_a_fault_and_named_once(tmp_path: Path) -> None:
     gone = FaultRaised(1.0, "base", "offline", "base: no report")
     path = write(tmp_path / "back.mcap", [gone, FaultRaised(2.0, "base", "online", "base: reports again")])
     record = open_record(path)
@@ -132,7 +132,7 @@ def test_a_part_that_is_there_again_is_no_fault_and_its_name_is_not_said_twice(t
     assert ("! base offline" in table, "✓ base online" in table, "base: " in table) == (True, True, False)
 
 
-def test_the_log_holds_what_was_said_and_what_was_notified(found: RecordStudy) -> None:
+def test_log_table_contains_speech_and_notices(found: RecordStudy) -> None:
     table = str(log_table(found.record, slider_times(found.record)))
     assert all(words in table for words in ("the robot", "<td>Anna</td><td>Hello</td>", "notice", "Anna was met"))
 
@@ -141,7 +141,7 @@ BALL = Thing(4, 1.0, face(1.0).box, -0.5, 0.0, 0.0, 0.0, 0.0, 0.0, float("nan"),
 ROVER = Marker(5, 1.0, face(1.0).box, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 2.0, 7, "", 0.0)
 
 
-def test_percepts_are_called_by_name_where_they_have_one() -> None:
+def test_named_percepts_are_called_by_name() -> None:
     assert percept_text(face(1.0)) == "face 1, 1.5 m, 11° left"
     assert percept_text(replace(face(1.0), name="Anna")) == "Anna, 1.5 m, 11° left"
     assert percept_text(replace(face(1.0), name=UNKNOWN)) == "face 1, 1.5 m, 11° left"

@@ -43,7 +43,7 @@ def looked(stamp: float | None) -> Answer:
     return ("sight", "looked", (), stamp)
 
 
-def test_the_run_its_ticks_and_its_nodes_are_counted(tmp_path: Path) -> None:
+def test_stats_count_run_ticks_and_nodes(tmp_path: Path) -> None:
     stats = stats_of(tmp_path, items(), real=False)
     assert (stats.kind.mission, stats.kind.simulate, stats.results) == ("greet", "fast", {"success": 1})
     assert (stats.ticks, stats.seconds) == (80, 4.0)
@@ -52,7 +52,7 @@ def test_the_run_its_ticks_and_its_nodes_are_counted(tmp_path: Path) -> None:
     assert [place.title for place in stats.nodes] == ["sequence", "look_for"]
 
 
-def test_lateness_and_missed_ticks_are_those_of_the_schedule(tmp_path: Path) -> None:
+def test_lateness_and_overruns_follow_the_schedule(tmp_path: Path) -> None:
     moments = [tick(1, late=0.002, spent=0.001), tick(2, spent=0.12), tick(3, late=0.051)]
     stats = stats_of(tmp_path, moments)
     assert stats.delays[TICK_LATE].tolist() == [0.002, 0.0, 0.051]
@@ -66,13 +66,13 @@ def test_in_simulated_time_nothing_is_late_and_no_search_takes_time(tmp_path: Pa
     assert stats.delays[PICTURE_TO_PERCEPTS].tolist() == pytest.approx([0.1])
 
 
-def test_searching_and_the_way_from_the_picture_to_the_percepts_are_told_apart(tmp_path: Path) -> None:
+def test_search_time_and_picture_to_percepts_are_separate(tmp_path: Path) -> None:
     stats = stats_of(tmp_path, [ViewItem(1.08, View(1.0, spent=0.03)), ViewItem(2.0, View())])
     assert stats.delays[PICTURE_SEARCH].tolist() == [0.03]
     assert stats.delays[PICTURE_TO_PERCEPTS].tolist() == pytest.approx([0.08])
 
 
-def test_a_reaction_is_from_a_picture_to_the_end_of_the_first_tick_that_knew_of_it_and_commanded(
+def test_reaction_time_spans_picture_to_resulting_command(
     tmp_path: Path,
 ) -> None:
     moments = [
@@ -88,7 +88,7 @@ def test_a_reaction_is_from_a_picture_to_the_end_of_the_first_tick_that_knew_of_
     assert found == {"picture to head on the wire": pytest.approx([0.1 + 0.001 - 0.04, 0.25 + 0.001 - 0.21])}
 
 
-def test_a_command_to_the_base_goes_out_when_it_is_renewed(tmp_path: Path) -> None:
+def test_base_command_is_sent_at_its_next_renewal(tmp_path: Path) -> None:
     counters = {"commands": 4, "command_us": 40_000, "longest_command_us": 20_000, "frames": 7}
     checked = HealthItem(1.0, {"base": Health(True, counters=counters)})
     stats = stats_of(tmp_path, [tick(2, looked(0.04), DRIVE), checked])
@@ -102,7 +102,7 @@ def test_in_simulated_time_a_reaction_ends_with_the_command(tmp_path: Path) -> N
     assert stats.delays["picture to base command"].tolist() == pytest.approx([0.06])
 
 
-def test_counters_are_what_came_over_the_record_but_gauges_are_none(tmp_path: Path) -> None:
+def test_counters_are_differences_and_gauges_are_ignored(tmp_path: Path) -> None:
     def checked(t: float, tries: int) -> HealthItem:
         counters = {"tries": tries, "exchanges": tries, "exchange_us": tries * 1000, "achieved rate (Hz)": 100}
         return HealthItem(t, {"arm": Health(True, counters={**counters, "longest_exchange_us": 3000})})
@@ -125,12 +125,12 @@ def test_runs_of_one_kind_are_taken_together_with_every_single_time(tmp_path: Pa
     assert [(node.ticks, node.runs) for node in twice.nodes.values()] == [(160, 2), (102, 4)]
 
 
-def test_a_spread_is_that_of_all_times() -> None:
+def test_quantiles_cover_all_times() -> None:
     times = np.arange(101.0)
     assert time_quantiles(times) == TimeQuantiles(101, 50.0, 95.0, 99.0, 100.0)
 
 
-def test_all_that_a_simulated_run_tells_its_record_is_read_back_by_the_librarys_reader(tmp_path: Path) -> None:
+def test_simulated_run_is_read_back_completely_from_its_record(tmp_path: Path) -> None:
     path = tmp_path / "patrol.mcap"
     outcome = run(path, ticks=100)
     assert outcome.told == outcome.read

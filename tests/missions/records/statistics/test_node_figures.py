@@ -157,7 +157,7 @@ def _item(node: list[str]) -> Iterator[str]:
 
 @settings(max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(tree=trees())
-def test_the_ticks_of_every_node_of_any_tree_are_as_many_as_it_had(tree: list[str], worked: Counter[str]) -> None:
+def test_node_tick_counts_match_the_ticks_of_any_tree(tree: list[str], worked: Counter[str]) -> None:
     worked.clear()
     try:
         plan = plan_of("\n".join(f"  {line}" for line in tree))
@@ -168,9 +168,7 @@ def test_the_ticks_of_every_node_of_any_tree_are_as_many_as_it_had(tree: list[st
 
 
 @pytest.mark.parametrize("mission", ["wander", "follow_me"])
-def test_the_ticks_of_shipped_missions_that_are_interrupted_are_told_as_they_were(
-    mission: str, worked: Counter[str]
-) -> None:
+def test_node_tick_counts_match_interrupted_shipped_missions(mission: str, worked: Counter[str]) -> None:
     def stop(runner: Runner, moment: TickRecord) -> None:
         if moment.t > 8.0:
             runner.executive.stop("enough")
@@ -188,32 +186,32 @@ def lasted(node: NodeFigures) -> list[float]:
     return [round(seconds, 3) for seconds in node.durations]
 
 
-def test_a_node_has_its_ticks_its_ends_and_how_long_each_of_its_runs_took() -> None:
+def test_node_figures_have_ticks_results_and_run_times() -> None:
     found = play(plan_of("  scripted: rrs\n  repeat: 3"), TICKS)
     assert (found["1.1"].ticks, found["1.1"].runs, found["1.1"].success) == (9, 3, 3)
     assert lasted(found["1.1"]) == [0.1, 0.1, 0.1]
     assert (found["1"].ticks, found["1"].runs, lasted(found["1"])) == (9, 1, [0.4])
 
 
-def test_what_is_asked_again_and_answers_as_before_is_counted() -> None:
+def test_guards_that_give_the_same_result_again_are_counted() -> None:
     found = play(plan_of("  reactive_sequence:\n    - scripted: s\n    - scripted: rrf"), TICKS)
     assert (found["1.1"].ticks, found["1.1"].success) == (3, 3)
     assert (found["1.2"].ticks, found["1.2"].failure) == (3, 1)
 
 
-def test_who_is_halted_by_those_behind_was_asked_before_and_who_is_halted_by_those_before_was_not() -> None:
+def test_halted_node_counts_the_tick_only_if_ticked_before_the_halt() -> None:
     found = play(plan_of("  race:\n    - scripted: r\n    - scripted: rs\n    - scripted: r"), TICKS)
     assert [(found[key].ticks, found[key].halted) for key in ("1.1", "1.2", "1.3")] == [(2, 1), (2, 0), (1, 1)]
 
 
-def test_what_still_runs_at_the_end_of_a_record_counts_up_to_there() -> None:
+def test_running_node_counts_to_the_end_of_the_record() -> None:
     change = NodeChanged(1.0, 1, "1", "scripted", "scripted", 3, "running", "")
     moments = [TickRecord("tick", tick, tick / 1.0, 0.0, 0.0, []) for tick in (1, 2, 3)]
     (node,) = node_figures(drawing_of(plan_of("  scripted: r")), [change], moments, start=0.0, until=3.5).values()
     assert (node.ticks, node.runs, node.unended, lasted(node)) == (3, 1, 1, [2.5])
 
 
-def test_a_piece_counts_from_its_beginning() -> None:
+def test_figures_of_a_cut_record_count_from_its_start() -> None:
     change = NodeChanged(1.0, 20, "1", "scripted", "scripted", 3, "running", "")
     moments = [TickRecord("tick", tick, tick / 20, 0.0, 0.0, []) for tick in (100, 101)]
     (node,) = node_figures(drawing_of(plan_of("  scripted: r")), [change], moments, start=5.0, until=5.05).values()

@@ -19,7 +19,7 @@ def run(*arguments: object) -> Result:
     return CliRunner().invoke(command, [str(each) for each in arguments], standalone_mode=False)
 
 
-def test_tables_say_what_became_of_each_node_and_how_long_things_took(path: Path) -> None:
+def test_stats_command_prints_nodes_and_durations(path: Path) -> None:
     result = run(path)
     lines = result.output.splitlines()
     assert result.return_value == 0
@@ -56,7 +56,7 @@ def test_csv_is_a_line_for_each_node(path: Path) -> None:
     assert float(rows[0]["seconds"]) == pytest.approx(3.95)
 
 
-def test_what_is_no_record_is_told_and_left_out(path: Path, tmp_path: Path) -> None:
+def test_file_that_is_not_a_record_is_reported_and_skipped(path: Path, tmp_path: Path) -> None:
     broken = tmp_path / "notes.txt"
     broken.write_text("hello")
     result = run(broken, path)

@@ -43,14 +43,14 @@ def small(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return file
 
 
-def test_the_list_has_every_controller_with_its_summary(capsys: pytest.CaptureFixture[str]) -> None:
+def test_list_contains_every_controller_with_its_summary(capsys: pytest.CaptureFixture[str]) -> None:
     found = command(capsys, "list", "controllers")
     assert found.code == SUCCESS
     for (name, path), line in zip(shipped_files("controllers").items(), found.out.splitlines()[1:], strict=True):
         assert line.split(maxsplit=1) == [name, load_controller(path).summary]
 
 
-def test_a_controller_is_told_in_words(capsys: pytest.CaptureFixture[str]) -> None:
+def test_controller_is_described_in_words(capsys: pytest.CaptureFixture[str]) -> None:
     face = command(capsys, "controller", "show", "face").out
     assert "pan: 25 rules, Sugeno\n  error (deg): far_right -6, right -2, centred 0, left 2, far_left 6\n" in face
     assert "if error is left and rate is still then slow_left" in face
@@ -86,7 +86,7 @@ def test_a_controller_can_be_drawn(
     assert Path("surface.png").read_bytes().startswith(PNG)
 
 
-def test_the_controller_that_the_docs_show_is_right(
+def test_controller_of_the_docs_is_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
@@ -98,7 +98,7 @@ def test_the_controller_that_the_docs_show_is_right(
     )
 
 
-def test_a_controller_that_is_wrong_says_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_invalid_controller_is_refused_with_the_place(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     file = tmp_path / "bad.yaml"
     file.write_text("controller: bad\nturn: {p: 2}\n", encoding="utf-8")
     found = command(capsys, "controller", "show", str(file))
@@ -109,7 +109,9 @@ def test_a_controller_that_is_wrong_says_where(tmp_path: Path, capsys: pytest.Ca
     assert "did you mean 'face'?" in unknown.err
 
 
-def test_a_picture_must_be_a_png_in_a_folder_that_is_there(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_controller_picture_must_be_a_png_in_an_existing_folder(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     for name, what in (("a.svg", "must end in .png"), ("gone/a.png", "there is no folder ")):
         found = command(capsys, "controller", "show", "pd", "-o", str(tmp_path / name))
         assert found.code == USAGE
@@ -160,7 +162,7 @@ def test_tuning_writes_over_nothing_unless_forced(
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGINT])
-def test_the_best_numbers_so_far_are_kept_whatever_ends_it(
+def test_interrupted_tuning_keeps_the_best_numbers(
     small: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, number: signal.Signals
 ) -> None:
     asked = count(1)
@@ -177,7 +179,7 @@ def test_the_best_numbers_so_far_are_kept_whatever_ends_it(
     assert load_controller(small.parent / "small_tuned.yaml").values != load_controller(small).values
 
 
-def test_rules_that_are_not_there_cannot_be_tuned(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_rules_cannot_be_tuned(small: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = command(capsys, "controller", "tune", small.name, "--rules", "pan")
     assert found.code == USAGE
     assert "small.yaml: has no numbers under 'pan' to tune" in found.err
@@ -191,7 +193,7 @@ def test_rules_that_are_not_there_cannot_be_tuned(small: Path, capsys: pytest.Ca
         ("scipy.optimize", "tuning", ("controller", "tune"), "'missiontree[tune]'"),
     ],
 )
-def test_an_extra_that_is_not_installed_is_named(
+def test_missing_extra_is_named(
     library: str,
     ours: str,
     arguments: tuple[str, ...],

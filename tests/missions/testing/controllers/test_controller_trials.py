@@ -91,7 +91,7 @@ def test_a_step_is_centred_hardly_later_than_is_possible_and_hardly_overshot(
 
 @pytest.mark.parametrize("name", ["face", "mamdani"])
 @pytest.mark.parametrize("body", list(TrackingBody))
-def test_someone_who_walks_by_stays_in_the_middle(tried: Tried, name: str, body: TrackingBody) -> None:
+def test_walking_face_stays_centred(tried: Tried, name: str, body: TrackingBody) -> None:
     for seed in (0, 1):
         found = tried(name, WALK, body, seed=seed)
         assert found.rms is not None
@@ -113,14 +113,14 @@ def test_without_prediction_the_walk_lags(tried: Tried, body: TrackingBody) -> N
     assert degrees(found.rms) > 2.0
 
 
-def test_the_courses_tracker_never_centres_and_loses_who_walks(tried: Tried) -> None:
+def test_course_tracker_never_centres_and_loses_a_walking_face(tried: Tried) -> None:
     for body in TrackingBody:
         assert tried("course", STEP, body, seed=0).centred is None
         assert tried("course", WALK, body, seed=0).lost
 
 
 @pytest.mark.parametrize("rate", [40, 60])
-def test_the_base_follows_the_head_beyond_its_limits(tried: Tried, rate: int) -> None:
+def test_base_follows_the_head_beyond_its_limits(tried: Tried, rate: int) -> None:
     beyond = Scenario("far", lambda time: radians(rate) * time, seconds=8.0, foreseeable_until=8.0)
     found = tried("face", beyond, TrackingBody.BOTH)
     assert not found.lost
@@ -128,14 +128,14 @@ def test_the_base_follows_the_head_beyond_its_limits(tried: Tried, rate: int) ->
     assert degrees(found.rms) < 1.5
 
 
-def test_no_delay_that_nobody_told_keeps_the_face_out_of_the_middle(tried: Tried) -> None:
+def test_unknown_delays_do_not_prevent_centring(tried: Tried) -> None:
     steps = [each for each in DELAY_SCENARIOS if each.path is standing_path]
     found = {(each.name, body): tried("face", each, body, lag=TrackFace.lag) for each in steps for body in TrackingBody}
     slow = {what: score.ratio for what, score in found.items() if score.ratio is None or score.ratio > LATER}
     assert not slow
 
 
-def test_before_anything_is_learnt_each_loop_bears_the_margin_that_the_documents_promise(
+def test_loops_have_the_documented_delay_margins_before_learning(
     rules: dict[str, RuleBases], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(CameraDelay, "learn", lambda *_: None)
@@ -154,7 +154,7 @@ def test_before_anything_is_learnt_each_loop_bears_the_margin_that_the_documents
     assert not [what for what, each in found.items() if each.centred is None]
 
 
-def test_how_late_the_camera_stamps_is_known_within_10_ms_of_what_the_servos_take(rules: dict[str, RuleBases]) -> None:
+def test_camera_stamp_delay_is_learnt_within_10_ms(rules: dict[str, RuleBases]) -> None:
     for scenario in (each for each in DELAY_SCENARIOS if each.stamp_delay):
         trial = TrackingTrial(rules["face"], scenario, TrackingBody.HEAD)
         trial.run()
@@ -162,7 +162,7 @@ def test_how_late_the_camera_stamps_is_known_within_10_ms_of_what_the_servos_tak
 
 
 @pytest.mark.parametrize("body", list(TrackingBody))
-def test_stamps_that_jitter_teach_no_wrong_delay_and_cost_no_centring(tried: Tried, body: TrackingBody) -> None:
+def test_jittering_stamps_do_not_spoil_the_learnt_delay_or_centring(tried: Tried, body: TrackingBody) -> None:
     for each in (each for each in STAMP_SCENARIOS if each.stamp_noise is not None):
         found = [tried("face", each, body, seed=seed, lag=TrackFace.lag) for seed in range(1, 1 + tries(1, 20))]
         assert max(one.worst_known for one in found) <= (MAX_DELAY_ERROR if each.learning_time else 0.025), each.name
@@ -193,7 +193,7 @@ def _quantised(time: float, random: Random) -> float:
 
 
 @pytest.mark.parametrize("noise", [_late_now_and_then, _quantised, lambda time, _: 0.02 * sin(17 * time)])
-def test_stamps_that_are_wrong_in_other_ways_cost_no_centring_either(tried: Tried, noise: StampNoise) -> None:
+def test_wrong_stamps_do_not_prevent_centring(tried: Tried, noise: StampNoise) -> None:
     for body in TrackingBody:
         for path in (standing_path, walking_path):
             found = tried(
@@ -205,7 +205,7 @@ def test_stamps_that_are_wrong_in_other_ways_cost_no_centring_either(tried: Trie
             assert found.delay_error is None or abs(found.delay_error) <= MAX_DELAY_ERROR
 
 
-def test_a_swing_is_followed_as_far_as_it_can_be_and_never_made_worse_than_by_standing_still(tried: Tried) -> None:
+def test_swinging_face_is_followed_and_never_worse_than_standing_still(tried: Tried) -> None:
     standing = SWING_AMPLITUDE / sqrt(2)
     errors = {}
     for each in DELAY_SCENARIOS:
@@ -220,7 +220,7 @@ def test_a_swing_is_followed_as_far_as_it_can_be_and_never_made_worse_than_by_st
 
 
 @pytest.mark.parametrize("body", list(TrackingBody))
-def test_who_walks_stays_in_the_middle_once_there_whatever_pictures_do(tried: Tried, body: TrackingBody) -> None:
+def test_walking_face_stays_centred_with_bad_pictures(tried: Tried, body: TrackingBody) -> None:
     for each in DELAY_SCENARIOS:
         if each.path is walking_path and each.other_path is None:
             found = tried("face", each, body, seed=1, lag=TrackFace.lag)
@@ -230,7 +230,7 @@ def test_who_walks_stays_in_the_middle_once_there_whatever_pictures_do(tried: Tr
             assert degrees(found.rms) < 0.6, each.name
 
 
-def test_who_is_followed_is_not_left_for_somebody_who_crosses(tried: Tried) -> None:
+def test_followed_face_is_kept_when_another_crosses(tried: Tried) -> None:
     (crossing,) = (each for each in DELAY_SCENARIOS if each.other_path is not None)
     for body in TrackingBody:
         found = tried("face", crossing, body)
@@ -239,7 +239,7 @@ def test_who_is_followed_is_not_left_for_somebody_who_crosses(tried: Tried) -> N
 
 
 @pytest.mark.parametrize("wrong", ["servos", "head", "base"])
-def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
+def test_tracker_does_not_oscillate_on_an_inaccurate_robot(
     rules: dict[str, RuleBases], wrong: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     if wrong == "servos":  # slower by 30 %
@@ -268,13 +268,13 @@ def test_nothing_swings_where_a_robot_is_not_what_its_file_says(
         assert swing.rms < SWING_AMPLITUDE / sqrt(2) / 2
 
 
-def test_without_learning_a_head_whose_pictures_come_late_is_centred_as_soon(tried: Tried) -> None:
+def test_late_pictures_are_centred_as_soon_without_learning(tried: Tried) -> None:
     (late,) = (each for each in SCENARIOS if each.name == "step, 200 ms late")
     ratios = sorted(tried("face", late, TrackingBody.HEAD, seed=seed).ratio or inf for seed in range(5))
     assert ratios[2] <= LATER
 
 
-def test_who_walks_is_centred_hardly_later_than_he_can_be_who_must_see_it(tried: Tried) -> None:
+def test_walking_face_is_centred_close_to_the_time_optimal_bound(tried: Tried) -> None:
     slow = {}
     for each in DELAY_SCENARIOS:
         if each.path is walking_path and not each.drop_share and not each.jitter:
@@ -299,7 +299,7 @@ def test_equal_seeds_make_equal_trials(rules: dict[str, RuleBases]) -> None:
     assert first != other
 
 
-def test_the_bound_of_a_step_is_that_of_full_speed_up_and_full_braking() -> None:
+def test_step_bound_is_full_acceleration_and_full_braking() -> None:
     # At rest 25 degrees away; with time to brake for 4 degrees after the error came to 2.
     can = Ability(speed=inf, acceleration=3.5, braking=3.5)
     peak = sqrt(3.5 * radians(23 + 4))
@@ -308,14 +308,14 @@ def test_the_bound_of_a_step_is_that_of_full_speed_up_and_full_braking() -> None
     assert time_optimal_bound(Scenario("step", standing_path), can) == pytest.approx(expected, abs=0.003)
 
 
-def test_the_bound_of_a_step_for_what_knows_no_inertia_is_its_speed() -> None:
+def test_step_bound_without_inertia_is_the_speed() -> None:
     can = Ability(speed=radians(120), acceleration=1e6, braking=1e6)
     assert time_optimal_bound(Scenario("step", standing_path, latency=0.2), can) == pytest.approx(
         0.2 + 23 / 120, abs=0.003
     )
 
 
-def test_the_bound_of_a_walk_counts_what_the_face_has_gone_meanwhile() -> None:
+def test_walk_bound_includes_the_motion_of_the_face() -> None:
     can = Ability(speed=radians(60), acceleration=1e6, braking=1e6)
     # 4 degrees ahead after 200 ms; 2 of them are to be made up for at 40 degrees/s.
     assert time_optimal_bound(Scenario("walk", walking_path, latency=0.2), can) == pytest.approx(
@@ -326,7 +326,7 @@ def test_the_bound_of_a_walk_counts_what_the_face_has_gone_meanwhile() -> None:
     )
 
 
-def test_who_must_see_that_somebody_walks_needs_two_pictures_as_they_came() -> None:
+def test_known_bound_needs_two_pictures_of_a_walking_face() -> None:
     for path, understood in ((walking_path, 0.25), (standing_path, 0.15)):
         scenario = Scenario("", path, latency=0.1)
         found = score_trial(
@@ -336,7 +336,7 @@ def test_who_must_see_that_somebody_walks_needs_two_pictures_as_they_came() -> N
         assert found.known > found.bound
 
 
-def test_nobody_beats_the_bound_by_more_than_the_grain_of_the_measurement(tried: Tried) -> None:
+def test_no_controller_beats_the_bound(tried: Tried) -> None:
     for name in DEFAULT_CONTROLLERS:
         for body in TrackingBody:
             found = tried(name, STEP, body, seed=0)
@@ -348,7 +348,7 @@ def trace(*errors: float, lost: bool = False) -> TrackingTrace:
     return TrackingTrace([n * 0.5 for n in range(len(errors))], [radians(error) for error in errors], lost=lost)
 
 
-def test_a_score_tells_when_it_was_centred_for_good() -> None:
+def test_score_has_the_time_of_final_centring() -> None:
     found = score_trial(trace(25, 10, 1, 3, 1, -0.5, 0.5, 0.5), STEP, TrackingBody.HEAD)
     assert (found.centred, found.lost) == (1.5, False)
     assert found.overshoot == 0.0  # that at 2.5 s is no overshoot any more
@@ -356,7 +356,7 @@ def test_a_score_tells_when_it_was_centred_for_good() -> None:
     assert degrees(found.rms) == pytest.approx(sqrt((1 + 3 * 0.25) / 4))
 
 
-def test_a_score_tells_how_far_it_went_past() -> None:
+def test_score_has_the_overshoot() -> None:
     assert degrees(score_trial(trace(25, 10, -4, 1, 0, 0), STEP, TrackingBody.HEAD).overshoot) == pytest.approx(4)
 
 
@@ -367,7 +367,7 @@ def test_never_centred_and_lost_are_no_numbers() -> None:
     assert (lost.centred, lost.rms, lost.lost) == (None, None, True)
 
 
-def test_what_comes_unforeseen_does_not_count_as_not_centred() -> None:
+def test_unforeseeable_motion_does_not_count_against_centring() -> None:
     found = score_trial(trace(5, 0, 0, 0, 0, 0, 20, 20), SCENARIOS[2], TrackingBody.HEAD)
     assert found.centred == 0.0
 
@@ -386,7 +386,7 @@ def test_the_table_has_a_block_for_each_scenario_and_body(rules: dict[str, RuleB
     assert figures["rms"] == pytest.approx(degrees(rows[0].score.rms or 0.0))
 
 
-def test_the_table_of_stamps_tells_what_was_learnt_and_what_that_was_worth(rules: dict[str, RuleBases]) -> None:
+def test_stamp_summary_shows_learnt_delay_and_result(rules: dict[str, RuleBases]) -> None:
     rows = list(run_bench({"face": rules["face"]}, scenarios=STAMP_SCENARIOS[:1], bodies=[TrackingBody.BASE]))
     heading, line = stamp_summary(rows)
     assert heading.split() == ["known", "worst", "centred", "x", "bound", "past", "RMS"]

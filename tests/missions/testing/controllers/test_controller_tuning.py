@@ -40,7 +40,7 @@ def test_left_and_right_are_changed_together() -> None:
     )
 
 
-def test_what_is_no_controller_any_more_costs_most() -> None:
+def test_invalid_controller_has_the_highest_cost() -> None:
     tuning = ControllerTuning(FACE, "pan")
     assert tuning.cost([-2.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]) == INVALID_COST  # left farther out than far left
     assert tuning.cost([0.0] * 7) < 5.0
@@ -59,7 +59,7 @@ def test_a_score_is_priced_by_time_overshoot_and_error_and_a_lost_face_above_all
     assert cost_of(Score(None, 0.5, 0.0, None, lost=True)) == LOST_FACE_COST
 
 
-def test_the_search_finds_a_better_controller_and_changes_nothing_but_its_numbers() -> None:
+def test_tuning_improves_a_controller_and_changes_only_numbers() -> None:
     found, costs = tuned(20)
     assert found.after < 0.9 * found.before
     assert found.after == min(costs)
@@ -79,7 +79,7 @@ def test_the_same_seed_finds_the_same_numbers(monkeypatch: pytest.MonkeyPatch) -
     assert tuned(30)[0].text == tuned(30)[0].text != tuned(30, seed=4)[0].text
 
 
-def test_what_cannot_be_tuned_is_told() -> None:
+def test_controller_that_cannot_be_tuned_is_refused() -> None:
     with pytest.raises(ValueError, match=r"weak\.yaml: has no numbers under 'pan' to tune"):
         ControllerTuning(WEAK, "pan")
     with pytest.raises(ValueError, match="a PD controller needs 'd'"):

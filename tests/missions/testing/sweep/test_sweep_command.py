@@ -87,9 +87,7 @@ def test_a_sweep_prints_a_table_and_writes_runs_summary_and_picture(
 
 
 @pytest.mark.usefixtures("here")
-def test_the_commands_that_it_prints_repeat_the_worst_runs_exactly(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_printed_commands_repeat_the_worst_runs_exactly(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out, _ = sweep(capsys, "--runs", "12", "--seed", "100", *VARY)
     lines = (folder / "sweep-glance" / "runs.csv").read_text(encoding="utf-8").splitlines()
     rows = {line.split(",")[0]: line.split(",") for line in lines}
@@ -107,7 +105,9 @@ def test_the_commands_that_it_prints_repeat_the_worst_runs_exactly(
         ]
 
 
-def test_one_run_of_a_sweep_can_be_watched_and_its_world_kept(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_single_run_of_a_sweep_prints_events_and_saves_its_world(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     vary = ("--vary", "person.distance=1..2", "--param", "patience=10 s")
     out, _ = sweep(capsys, *vary, "--only", "7", "--save-world", "seven.yaml")
     drawn, again, *events = out.splitlines()
@@ -128,9 +128,7 @@ def test_the_table_does_not_depend_on_the_number_of_workers(folder: Path, capsys
 
 
 @pytest.mark.usefixtures("here")
-def test_files_of_an_earlier_sweep_are_replaced_only_when_told_to(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_earlier_sweep_is_overwritten_only_with_force(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     sweep(capsys, "--runs", "3", "--seed", "50")
     before = (folder / "sweep-glance" / "runs.csv").read_text(encoding="utf-8")
     _, err = sweep(capsys, "--runs", "1", code=2)
@@ -142,9 +140,7 @@ def test_files_of_an_earlier_sweep_are_replaced_only_when_told_to(
 
 
 @pytest.mark.usefixtures("here")
-def test_a_target_is_missed_while_the_interval_reaches_below_it(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_target_fails_if_the_interval_reaches_below(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     found = ("--runs", "6", "--param", "patience=10 s")
     sweep(capsys, *found, "--target", "60 %")
@@ -153,7 +149,7 @@ def test_a_target_is_missed_while_the_interval_reaches_below_it(
 
 
 @pytest.mark.usefixtures("here")
-def test_without_matplotlib_it_says_what_to_install_and_goes_on(
+def test_missing_matplotlib_gives_the_install_command_only(
     folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delitem(sys.modules, "missions.plugins.testing.sweep.picture", raising=False)
@@ -184,7 +180,7 @@ def test_without_matplotlib_it_says_what_to_install_and_goes_on(
         (["-o", "glance.yaml/x"], "glance.yaml/x: Not a directory"),
     ],
 )
-def test_what_makes_no_sense_is_said_before_the_first_run(
+def test_invalid_sweep_arguments_are_refused_before_the_first_run(
     arguments: list[str], what: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out, err = sweep(capsys, *arguments, code=2)
@@ -203,7 +199,7 @@ def test_every_kind_of_param_can_be_varied(folder: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.real_time
-def test_ctrl_c_ends_at_once_and_what_was_run_is_written(folder: Path) -> None:
+def test_ctrl_c_ends_the_sweep_and_finished_runs_are_written(folder: Path) -> None:
     process = Process("sweep", "glance.yaml", "--runs", "100000", folder=folder)
     try:
         wait_until(lambda: len(workers_of(process)) >= 2, seconds=30.0)
@@ -220,7 +216,7 @@ def test_ctrl_c_ends_at_once_and_what_was_run_is_written(folder: Path) -> None:
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP, signal.SIGKILL])
 @pytest.mark.real_time
-def test_what_was_run_is_kept_whatever_ends_the_sweep(folder: Path, number: signal.Signals) -> None:
+def test_finished_runs_are_kept_when_the_sweep_is_killed(folder: Path, number: signal.Signals) -> None:
     runs = folder / "sweep-glance" / "runs.csv"
     process = Process("sweep", "glance.yaml", "--runs", "100000", "--jobs", "1", folder=folder)
     try:
@@ -237,7 +233,7 @@ def test_what_was_run_is_kept_whatever_ends_the_sweep(folder: Path, number: sign
 
 
 @pytest.mark.real_time
-def test_workers_end_with_a_sweep_that_is_killed(folder: Path) -> None:
+def test_workers_end_when_the_sweep_is_killed(folder: Path) -> None:
     process = Process("sweep", "glance.yaml", "--runs", "100000", folder=folder)
     try:
         wait_until(lambda: len(workers_of(process)) >= 3, seconds=30.0)  # with the one that tracks semaphores

@@ -19,7 +19,7 @@ def by_seed(rows: list[SweepRow]) -> list[SweepRow]:
     return sorted(rows, key=lambda row: row.seed)
 
 
-def test_a_run_follows_from_its_seed_alone(tmp_path: Path) -> None:
+def test_run_depends_only_on_its_seed(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path)
     rows = run_seeds(sweep, range(8))
     assert [row.seed for row in rows] == list(range(8))
@@ -27,7 +27,7 @@ def test_a_run_follows_from_its_seed_alone(tmp_path: Path) -> None:
     assert run_seeds(sweep, [6, 2]) == [rows[6], rows[2]]
 
 
-def test_a_row_tells_what_was_drawn_and_why_the_run_failed(tmp_path: Path) -> None:
+def test_row_has_drawn_values_and_failure_reason(tmp_path: Path) -> None:
     bearing, light, patience = labour.VARIED
     behind = replace(bearing, values=ValueRange(150.0, 150.0))
     (row,) = run_seeds(labour.glance(tmp_path, (behind, light, patience)), [3])
@@ -36,14 +36,14 @@ def test_a_row_tells_what_was_drawn_and_why_the_run_failed(tmp_path: Path) -> No
     assert row.seconds == pytest.approx(float(patience.draw(3)), abs=0.1)
 
 
-def test_a_run_that_takes_too_long_is_ended_and_the_others_go_on(tmp_path: Path) -> None:
+def test_run_beyond_the_time_limit_is_unfinished_and_others_continue(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path, (Variation("person.bearing", "deg", ValueRange(150.0, 150.0)),))
     rows = run_seeds(replace(sweep, limit=1.0), [0, 1])
     assert [(row.result, row.reason) for row in rows] == [("unfinished", "not finished within 1 s")] * 2
     assert rows[0].seconds == pytest.approx(1.0, abs=0.1)
 
 
-def test_a_world_that_cannot_be_is_told_in_the_row_of_its_run(tmp_path: Path) -> None:
+def test_impossible_world_is_an_error_in_its_row(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path, (Variation("person.distance", "m", ValueRange(1.0, 8.0)),))
     rows = run_seeds(sweep, range(8))
     outside = [row for row in rows if float(row.values[0]) > 5.0]
@@ -58,7 +58,7 @@ def test_opencv_keeps_to_one_thread_while_a_worker_runs_and_no_longer(tmp_path: 
     assert cv2.getNumThreads() == before
 
 
-def test_a_run_that_kills_its_worker_gets_a_row_and_costs_no_other(tmp_path: Path) -> None:
+def test_run_that_kills_its_worker_is_an_error_and_others_continue(tmp_path: Path) -> None:
     sweep = labour.glance(tmp_path)
     rows = by_seed(list(run_here(sweep, range(16), 1, work=labour.deadly)))
     expected = labour.at_once(sweep, range(16))
@@ -66,14 +66,14 @@ def test_a_run_that_kills_its_worker_gets_a_row_and_costs_no_other(tmp_path: Pat
     assert rows == expected
 
 
-def test_a_worker_that_was_killed_by_something_else_costs_nothing(tmp_path: Path) -> None:
+def test_killed_worker_loses_no_run(tmp_path: Path) -> None:
     sweep = replace(labour.glance(tmp_path), file=str(tmp_path / "died"))
     rows = by_seed(list(run_here(sweep, range(16), 1, work=labour.deadly_once)))
     assert (tmp_path / "died").exists()
     assert rows == labour.at_once(sweep, range(16))
 
 
-def test_a_sweep_that_is_given_up_leaves_no_worker(tmp_path: Path) -> None:
+def test_aborted_sweep_leaves_no_worker(tmp_path: Path) -> None:
     work = run_here(labour.glance(tmp_path), range(100_000), 2)
     next(work)
     work.close()

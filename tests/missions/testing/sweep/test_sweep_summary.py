@@ -30,12 +30,12 @@ def row(
         (1, 29, 0.0061, 0.1718),
     ],
 )
-def test_the_interval_is_that_of_the_literature(successes: int, runs: int, low: float, high: float) -> None:
+def test_wilson_interval_matches_published_values(successes: int, runs: int, low: float, high: float) -> None:
     assert wilson(successes, runs) == pytest.approx((low, high), abs=5e-5)
 
 
 @given(st.integers(1, 5000).flatmap(lambda runs: st.tuples(st.integers(0, runs), st.just(runs))))
-def test_the_interval_holds_the_share_and_its_ends_solve_the_score_equation(counts: tuple[int, int]) -> None:
+def test_wilson_interval_contains_the_share_and_solves_the_score_equation(counts: tuple[int, int]) -> None:
     successes, runs = counts
     share = successes / runs
     low, high = wilson(successes, runs)
@@ -71,7 +71,7 @@ def test_causes_are_counted_without_their_numbers_and_the_most_frequent_comes_fi
     assert cause_of(rows[0]) == ""
 
 
-def test_times_are_those_of_the_successes() -> None:
+def test_times_are_those_of_successful_runs() -> None:
     rows = [*(row(seed, seconds=float(seed)) for seed in range(101)), row(101, "failure", "no", 999.0)]
     times = summarise(rows, ()).times
     assert times is not None
@@ -119,7 +119,7 @@ def example() -> tuple[list[SweepRow], Summary]:
     return rows, summarise(rows, [FAR])
 
 
-def test_the_report_says_all_of_it_in_a_plain_table() -> None:
+def test_report_is_a_plain_table() -> None:
     told = report(example()[1], lambda each: (f"{FAR.name}={each.values[0]}", f"mission run x --seed {each.seed}"))
     assert told.splitlines()[:12] == [
         "success   90.0 %   (9 of 10; 95 % interval 59.6 to 98.2 %)",

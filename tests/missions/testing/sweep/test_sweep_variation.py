@@ -37,7 +37,7 @@ def test_values_are_a_range_or_a_list_and_a_unit_may_stand_once(
     assert read_values(text, kind)[1] == values
 
 
-def test_numbers_are_kept_in_the_unit_in_which_people_read_them() -> None:
+def test_values_are_stored_in_readable_units() -> None:
     units = {kind: read_values("1", kind)[0] for kind in ("length", "share", "duration", "speed", "number", "count")}
     assert units == {"length": "m", "share": "%", "duration": "s", "speed": "m/s", "number": "", "count": ""}
     assert read_values("1 rad", "angle") == ("deg", ValueList((57.295779513,)))
@@ -58,13 +58,13 @@ def test_numbers_are_kept_in_the_unit_in_which_people_read_them() -> None:
         ("1e999", "number", "needs a number without a unit, got '1e999'"),
     ],
 )
-def test_what_is_no_such_value_is_refused_with_what_would_be(text: str, kind: str, what: str) -> None:
+def test_invalid_value_is_refused_with_the_expected_form(text: str, kind: str, what: str) -> None:
     with pytest.raises(ValueError, match=f"^{re.escape(what)}$"):
         read_values(text, kind)
 
 
 @given(st.tuples(finite, finite).map(sorted), st.integers(0, 10_000))
-def test_a_draw_lies_in_its_range_and_is_always_the_same(ends: list[float], seed: int) -> None:
+def test_draw_is_within_its_range_and_reproducible(ends: list[float], seed: int) -> None:
     low, high = (round(end, 4) for end in ends)
     variation = Variation("person.distance", "m", ValueRange(low, high))
     drawn = variation.draw(seed)
@@ -76,7 +76,7 @@ def test_a_draw_lies_in_its_range_and_is_always_the_same(ends: list[float], seed
 
 
 @given(st.integers(0, 20), st.integers(0, 20))
-def test_whole_numbers_are_drawn_whole_and_all_of_them(low: int, more: int) -> None:
+def test_integer_draws_are_integers_and_cover_the_range(low: int, more: int) -> None:
     variation = Variation("people", "", ValueRange(low, low + more))
     drawn = {variation.draw(seed) for seed in range(60 * (more + 1))}
     assert all(type(each) is int for each in drawn)
@@ -91,12 +91,12 @@ def test_draws_are_spread_evenly_and_of_two_quantities_independently() -> None:
         assert 0.2 < share < 0.3
 
 
-def test_a_draw_is_known_so_that_a_sweep_of_last_year_can_be_repeated() -> None:
+def test_draws_are_stable_across_versions() -> None:
     variation = Variation("person.distance", "m", ValueRange(0.6, 3.0))
     assert [variation.draw(seed) for seed in range(3)] == [1.5799, 1.5607, 2.8107]
 
 
-def test_what_has_one_value_does_not_vary() -> None:
+def test_variation_with_one_value_is_single() -> None:
     assert Variation("light", "%", ValueList((50.0, 50.0))).is_single
     assert Variation("light", "%", ValueRange(50.0, 50.0)).is_single
     assert not Variation("light", "%", ValueList((50.0, 60.0))).is_single

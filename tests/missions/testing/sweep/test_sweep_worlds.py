@@ -59,13 +59,13 @@ def test_the_second_person_is_varied_by_number() -> None:
     assert (world.people[1].x, world.people[1].y) == pytest.approx((5.0, -1.0))
 
 
-def test_somebody_who_stands_is_made_to_walk_across_the_view() -> None:
+def test_speed_makes_a_standing_person_walk_across_the_view() -> None:
     ben = turned({"person2.speed": 0.4}).people[1]
     assert ben.speed == 0.4
     assert [*ben.path[0], *ben.path[1]] == pytest.approx([4.0, -1.8, 4.0, -0.2])
 
 
-def test_a_walk_that_the_world_has_is_only_made_faster_and_at_zero_nobody_walks() -> None:
+def test_speed_keeps_an_existing_path_and_zero_removes_it() -> None:
     assert turned({"person.speed": 0.4}).people[0].path == ((3.0, 1.0),)
     assert turned({"person.speed": 0.0}).people[0].path == ()
 
@@ -106,12 +106,12 @@ def test_the_world_as_a_whole_is_varied() -> None:
     assert (world.physics.slip, world.physics.lag, world.physics.dropouts) == (0.05, 0.2, 0.1)
 
 
-def test_noise_that_stands_under_camera_is_varied_as_well() -> None:
+def test_camera_noise_of_the_world_can_be_varied() -> None:
     assert turned({"noise": 12.0}, {**HALL, "camera": {"noise": 5}}).noise == 12.0
 
 
 @pytest.mark.parametrize("name", [name for name in parameter_names() if not name.startswith("param.")])
-def test_every_name_that_is_told_of_can_be_varied(name: str) -> None:
+def test_every_listed_parameter_can_be_varied(name: str) -> None:
     kind = find_parameter(name).kind
     value: DrawnValue = "ben" if kind == "text" else 1 if kind == "count" else 0.9
     assert turned({name: value}) != turned({})
@@ -129,20 +129,20 @@ def test_every_name_that_is_told_of_can_be_varied(name: str) -> None:
         ),
     ],
 )
-def test_an_unknown_name_is_told_with_what_is_near_it(name: str, hint: str) -> None:
+def test_unknown_parameter_is_refused_with_a_suggestion(name: str, hint: str) -> None:
     with pytest.raises(LookupError) as unknown:
         find_parameter(name)
     assert str(unknown.value).startswith(hint)
 
 
-def test_a_person_who_is_not_there_cannot_be_varied() -> None:
+def test_missing_person_cannot_be_varied() -> None:
     with pytest.raises(ValueError, match="the world 'hall' has no person 3"):
         turned({"person3.distance": 1.0})
     with pytest.raises(ValueError, match="the world 'empty' has no person 1"):
         turned({"person.distance": 1.0}, {"world": "empty"})
 
 
-def test_varying_leaves_the_world_as_it_was() -> None:
+def test_variation_leaves_the_world_unchanged() -> None:
     before = repr(HALL)
     turned({"person.distance": 5.0, "people": 5, "lag": 0.1})
     assert repr(HALL) == before

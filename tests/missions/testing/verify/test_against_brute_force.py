@@ -251,7 +251,7 @@ def compare_shortest_ways(found: Plan, seconds: float) -> None:
 @settings(max_examples=40)
 @example("reactive_sequence: [{scene_uniform: 1 s, on_failure: succeed}], once: true")
 @given(trees(MODIFIERS))
-def test_the_shortest_way_to_each_end_is_that_of_all_short_runs(tree: str) -> None:
+def test_shortest_runs_match_brute_force(tree: str) -> None:
     found = plan(tree)
     if found is None:
         return
@@ -263,7 +263,7 @@ def test_the_shortest_way_to_each_end_is_that_of_all_short_runs(tree: str) -> No
 @example(f"parallel: [{{look: 0 deg, if: {CONDITION}}}, {{look: 0 deg}}], success_count: 2")
 @example(f"race: [{{look: 0 deg, if: {CONDITION}}}, {{look: 0 deg}}]")
 @given(trees((*CONDITIONS, *MODIFIERS[:7]), CONDITION_LEAF, waiting))
-def test_the_shortest_way_past_conditions_is_that_of_all_short_runs(tree: str) -> None:
+def test_shortest_runs_with_conditions_match_brute_force(tree: str) -> None:
     found = None if tree.count(CONDITION) > 1 else plan(tree)  # two reads in a tick share the silence of the camera
     if found is None:
         return
@@ -273,7 +273,7 @@ def test_the_shortest_way_past_conditions_is_that_of_all_short_runs(tree: str) -
 @settings(max_examples=40)
 @example("sequence: [{set: {found: '${found + [1]}'}}, {look: 0 deg}, {check: len(found) == 3}], retry: 2")
 @given(trees(MODIFIERS, more=listing))
-def test_the_shortest_way_through_lists_is_that_of_all_short_runs(tree: str) -> None:
+def test_shortest_runs_with_lists_match_brute_force(tree: str) -> None:
     found = plan(f"sequence: [{{set: {{found: []}}}}, {{{tree}}}]")
     if found is None:
         return
@@ -378,7 +378,7 @@ def test_runs_with_cleanups_in_any_time_are_explored(tree: str) -> None:
 @example("sequence: [{look: 0 deg, cooldown: 2 s}, {scene_uniform: 1 s}], repeat: 2")
 @example("look: 0 deg, delay: 1 s, cooldown: 2 s, repeat: 2")
 @given(trees((*MODIFIERS[:4], *TIMES)))
-def test_whatever_time_passes_no_run_ends_in_a_way_that_was_not_explored(tree: str) -> None:
+def test_no_run_has_an_unexplored_end_for_any_timing(tree: str) -> None:
     found = plan(tree)
     if found is None:
         return
@@ -391,7 +391,7 @@ def test_whatever_time_passes_no_run_ends_in_a_way_that_was_not_explored(tree: s
 
 @settings(max_examples=40)
 @given(trees(MODIFIERS), st.integers(min_value=0))
-def test_a_run_that_is_never_put_back_comes_to_the_state_that_was_explored(tree: str, pick: int) -> None:
+def test_continuous_run_reaches_the_explored_state(tree: str, pick: int) -> None:
     found = plan(tree)
     if found is None:
         return

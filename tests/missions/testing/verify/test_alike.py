@@ -17,7 +17,7 @@ def test_sixteen_optional_steps_have_few_states(kind: str) -> None:
     assert found.transitions < 200
 
 
-def test_a_leaf_that_a_property_asks_for_is_told_apart_from_the_others() -> None:
+def test_leaf_named_in_a_property_is_distinguished() -> None:
     tree = "parallel: [{say: Hi}, {drive: 1 m}, {gesture: hello}]"
     found = outcomes(explored(tree, "never: say without drive", "never: drive without say"))
     assert found["never: say without drive"] == REFUTED
@@ -37,7 +37,7 @@ TREES = (
 
 
 @pytest.mark.parametrize("tree", TREES)
-def test_what_is_left_out_changes_no_verdict(tree: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_partial_order_reduction_changes_no_verdict(tree: str, monkeypatch: pytest.MonkeyPatch) -> None:
     promises = ("can: succeed", "can: fail", *(["always eventually: look"] if "look" in tree else []))
     fewer = explored(tree, *promises)
     monkeypatch.setattr(model, "reduce_equivalent_runs", lambda *_: None)

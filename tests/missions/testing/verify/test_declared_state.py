@@ -12,14 +12,14 @@ CLASSES: list[type[Node]] = [*dict.fromkeys(NODES.values()), StandIn, SetStandIn
 
 
 @pytest.mark.parametrize("kind", CLASSES, ids=lambda kind: kind.__name__)
-def test_a_node_declares_all_that_it_keeps_from_tick_to_tick(kind: type[Node]) -> None:
+def test_node_declares_all_of_its_state(kind: type[Node]) -> None:
     keeps, lasts = (names - {"is_skipped"} for names in state_in_source(CLASSES)[kind])  # a part of the status
     running, lasting = declared_state(kind)
     assert running | lasting == keeps
     assert lasting == lasts
 
 
-def test_an_attribute_that_is_not_declared_is_found() -> None:
+def test_undeclared_attribute_is_found() -> None:
     class Forgetful(StandIn):
         def initialise(self) -> None:
             self.tries = 0

@@ -73,7 +73,7 @@ def test_every_faulty_mission_is_in_the_table() -> None:
 
 
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_the_planted_fault_is_found_at_its_line_with_a_shortest_run(name: str) -> None:
+def test_planted_fault_is_found_at_its_line_with_a_shortest_run(name: str) -> None:
     rule, line, message, ticks = FAULTS[name]
     (verdict,) = (each for each in report(name).verdicts if each.rule.startswith(rule))
     assert verdict.outcome == REFUTED
@@ -84,7 +84,7 @@ def test_the_planted_fault_is_found_at_its_line_with_a_shortest_run(name: str) -
 
 
 @pytest.mark.parametrize("name", list(FAULTS))
-def test_nothing_else_is_found_in_it(name: str) -> None:
+def test_faulty_mission_has_no_other_findings(name: str) -> None:
     refuted = [each.rule for each in report(name).verdicts if each.outcome != PROVED]
     expected = {FAULTS[name][0], *ALSO.get(name, ())}
     assert len(refuted) == len(expected)

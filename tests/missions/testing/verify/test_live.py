@@ -61,7 +61,7 @@ def keyed(step: Step, key: str) -> Mapping[str, Step]:
         ("{drive: 1 m}, {switch: {on: b, cases: {1: {log: '${a}'}}}}", {"a", "b"}),
     ],
 )
-def test_a_variable_is_live_where_something_may_read_it_first(tree: str, live: set[str]) -> None:
+def test_variable_is_live_if_possibly_read_before_set(tree: str, live: set[str]) -> None:
     assert live_at("find_face" if "find_face" in tree else "drive", tree) == live
 
 
@@ -90,7 +90,7 @@ def test_a_variable_is_live_where_something_may_read_it_first(tree: str, live: s
         ),
     ],
 )
-def test_a_parent_keeps_what_it_may_ask_itself(tree: str, kind: str, live: set[str]) -> None:
+def test_parent_keeps_variables_of_its_own_conditions(tree: str, kind: str, live: set[str]) -> None:
     assert live_at(kind, tree) == live
 
 
@@ -119,12 +119,12 @@ def late(where: str) -> str:
 
 
 @pytest.mark.parametrize("where", list(LATE))
-def test_what_depends_on_a_variable_that_is_read_late_is_reached(where: str) -> None:
+def test_branch_on_a_variable_read_late_is_reached(where: str) -> None:
     assert explored(late(where)).outcome == PROVED
 
 
 @pytest.mark.parametrize("where", list(LATE))
-def test_a_fault_behind_a_variable_that_is_read_late_is_found(where: str) -> None:
+def test_fault_behind_a_variable_read_late_is_found(where: str) -> None:
     assert outcome(late(where), "never: say after set") == REFUTED
 
 
@@ -140,7 +140,7 @@ class Slow(Leaf):
         return True
 
 
-def test_a_variable_that_is_read_once_a_halt_is_through_is_not_lost() -> None:
+def test_variable_read_after_a_halt_is_kept() -> None:
     tree = """
 sequence:
   - set: {n: 2}
@@ -160,14 +160,14 @@ def test_a_param_is_not_lost_before_the_first_tick() -> None:
     assert verify(plan, ManualClock()).outcome == PROVED
 
 
-def test_states_that_differ_in_what_nobody_reads_are_one() -> None:
+def test_states_that_differ_in_dead_variables_are_merged() -> None:
     found = "{set: {who: null, n: 1}}, {face_seen: 1 s, as: who, on_failure: succeed}"
     tree = f"sequence: [{found}, {{set: {{n: 2}}, if: who.id == 1}}"
     kept = f"{tree}, {{drive: 1 m}}, {{log: x, if: n == 1}}]"
     assert explored(f"{tree}, {{drive: 1 m}}]").states < explored(kept).states
 
 
-def test_what_a_leaf_has_found_before_its_time_is_over_is_not_lost() -> None:
+def test_value_found_before_a_timeout_is_kept() -> None:
     early = """
 selector:
   - sequence: [{set: {who: null}}, {find_face: {}, as: who, timeout: 1 s}]
@@ -189,7 +189,7 @@ sequence:
 """
 
 
-def test_when_a_time_began_that_nobody_knows_tells_no_states_apart_and_it_may_be_over_at_any_tick() -> None:
+def test_unknown_duration_merges_states_and_may_end_at_any_tick() -> None:
     known, unknown = explored(ROUNDS % "5 s"), explored(ROUNDS % "${t}", "never: say after set")
     assert unknown.states < known.states
     assert outcomes(unknown)["never: say after set"] == REFUTED
@@ -292,7 +292,7 @@ def node(children: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
 
 @settings(max_examples=60)
 @given(st.recursive(LEAF.map("{{{0}}}".format), node, max_leaves=6))
-def test_nothing_is_lost_by_what_is_forgotten(tree: str) -> None:
+def test_forgetting_dead_variables_changes_no_verdict(tree: str) -> None:
     try:
         plan = plan_of(f"sequence: [{{set: {{a: 0, b: 0, c: 0, d: 0}}}}, {tree}, {{look: 1 deg, if: a == b}}]")
     except ValueError:  # what the checker refuses

@@ -64,7 +64,7 @@ def test_each_form_is_read(promise: str, form: str, subject: str, other: str) ->
         ("say", "say", "a property needs one of never, always eventually, can", "such as"),
     ],
 )
-def test_a_mistake_is_shown_at_its_place_with_a_hint(promise: str, under: str, message: str, hint: str) -> None:
+def test_mistake_in_a_property_is_marked_with_a_hint(promise: str, under: str, message: str, hint: str) -> None:
     with pytest.raises(InvalidFileError) as caught:
         read(promise)
     (fault,) = caught.value.diagnostics

@@ -28,7 +28,7 @@ selector:
     assert outcome(tree, "always eventually: say") == PROVED
 
 
-def test_timeouts_one_after_another_add_up() -> None:
+def test_consecutive_timeouts_add_up() -> None:
     tree = """
 selector:
   - pretend: running
@@ -56,7 +56,7 @@ def test_how_long_a_wait_takes_is_known() -> None:
     assert outcome(unknown, "can: succeed") == PROVED
 
 
-def test_a_wait_or_timeout_that_is_never_over_is_found_with_what_comes_before_it() -> None:
+def test_unreachable_timeout_or_wait_is_found_with_its_cause() -> None:
     never = {
         "wait: 10 s\ntimeout: 5 s": "the 'timeout' of 5 s around it (line 5) is over first",
         "race:\n  - say: a\n    timeout: 9 s\ntimeout: 5 s": "the 'timeout' of 5 s around it (line 7) is over first",
@@ -70,19 +70,19 @@ def test_a_wait_or_timeout_that_is_never_over_is_found_with_what_comes_before_it
     assert explored("race:\n  - drive: 1 m\n    timeout: 9 s\nretry: 2\ntimeout: 10 s").outcome == PROVED
 
 
-def test_a_timeout_may_pass_or_not_while_a_leaf_takes_its_time() -> None:
+def test_timeout_may_or_may_not_expire_while_a_leaf_runs() -> None:
     tree = "sequence: [{look: 0 deg}, {say: Hi, name: greet}]\ntimeout: 1 s"
     assert outcome(tree, "can: succeed") == PROVED
     assert outcome(tree, "can: fail") == PROVED
 
 
-def test_a_cooldown_fails_until_it_is_over_and_not_longer() -> None:
+def test_cooldown_fails_until_it_expires() -> None:
     tree = "log: beat\ncooldown: 10 s\nrepeat: 2"
     assert outcome(tree, "can: fail") == PROVED
     assert outcome(tree, "can: succeed") == PROVED
 
 
-def test_a_hold_needs_its_time() -> None:
+def test_hold_needs_its_duration() -> None:
     assert outcome("face_centred: 5 deg\nhold: 2 s\ntimeout: 3 s", "can: succeed") == PROVED
     assert outcome("face_centred: 5 deg\nhold: 3 s\ntimeout: 2 s", "can: succeed") == REFUTED
 
@@ -97,7 +97,7 @@ def test_many_short_times_in_a_long_one_do_not_fill_the_memory() -> None:
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4, 50, 1000])
-def test_a_count_ends_however_large_it_is(count: int) -> None:
+def test_repeat_with_a_large_count_is_explored(count: int) -> None:
     found = explored(f"drive: 1 m\nrepeat: {count}", "can: succeed")
     assert found.outcome == PROVED
     assert found.states < 20
@@ -137,14 +137,14 @@ def test_a_condition_on_the_robot_may_be_true_or_false_at_every_tick() -> None:
     assert found.outcome == PROVED
 
 
-def test_a_condition_that_params_decide_is_no_choice() -> None:
+def test_condition_decided_by_params_has_one_outcome() -> None:
     found = explored("sequence: [{say: a}, {drive: 1 m, if: 1 > 2}]")
     (finding,) = found.verdicts[1].findings
     assert finding.fault.message == "'drive' is never reached"
     assert finding.fault.suggestion == "'if' (line 4): its condition is never true"
 
 
-def test_what_a_leaf_has_found_is_unknown_and_what_follows_from_constants_is_not() -> None:
+def test_found_values_are_unknown_and_constants_are_calculated() -> None:
     stored = "sequence: [{face_seen: 1 s, as: who}, {say: far, if: who.distance > 2 m}, {log: b, if: who.id == 1}]"
     assert explored(stored).outcome == PROVED
     counted = "sequence: [{set: {n: 1}}, {set: {n: '${n + 1}'}}, {say: two, if: n == 2}, {drive: 1 m, if: n == 3}]"
@@ -152,19 +152,19 @@ def test_what_a_leaf_has_found_is_unknown_and_what_follows_from_constants_is_not
     assert [finding.fault.message for finding in found.verdicts[1].findings] == ["'drive' is never reached"]
 
 
-def test_a_mission_that_counts_without_end_is_explored_all_the_same() -> None:
+def test_endless_counter_is_explored() -> None:
     tree = "sequence:\n  - set: {n: 0}\n  - set: {n: '${n + 1}'}\n    repeat: forever\n    until: face.seen"
     assert explored(tree).outcome == PROVED
 
 
-def test_an_expression_that_cannot_be_calculated_is_one_of_the_ways() -> None:
+def test_expression_that_cannot_be_calculated_may_fail() -> None:
     assert outcome("say: Hi\nif: base.x > 1 m", "can: fail") == PROVED
     tree = "sequence: [{log: a, if: base.x > 1 m}]\n"
     assert outcome(tree, "can: fail") == PROVED
     assert outcome(tree.replace("base.x > 1 m", "base.stopped"), "can: fail") == REFUTED
 
 
-def test_a_sensor_that_stays_silent_is_one_of_the_ways_to_fail() -> None:
+def test_silent_sensor_may_fail_the_mission() -> None:
     assert outcome("sequence: [{log: a, if: face.seen}]\n", "can: fail") == PROVED
     assert outcome("sequence: [face_seen]\non_failure: succeed\n", "can: fail") == REFUTED
 
@@ -172,13 +172,13 @@ def test_a_sensor_that_stays_silent_is_one_of_the_ways_to_fail() -> None:
 # Endless missions
 
 
-def test_a_mission_that_repeats_for_ever_runs_until_it_is_stopped_and_that_is_no_fault() -> None:
+def test_endless_mission_is_no_fault() -> None:
     found = explored("sequence: [{drive: 1 m, on_failure: succeed}, {wait: 1 s}]\nrepeat: forever")
     assert found.outcome == PROVED
     assert found.verdicts[0].rule == "it runs until it is stopped"
 
 
-def test_a_round_that_cannot_come_to_its_end_is_a_trap_in_an_endless_mission_too() -> None:
+def test_endless_mission_with_a_trap_is_refuted() -> None:
     found = explored("sequence: [{wait: 1 s}, {pretend: running}]\nrepeat: forever")
     assert found.verdicts[0].outcome == REFUTED
     assert found.verdicts[0].findings[0].fault.message.endswith("'pretend' goes on for ever")
@@ -210,7 +210,7 @@ class Careful(Leaf):
         return RUNNING
 
 
-def test_a_leaf_that_takes_its_time_to_stop_is_waited_for_before_another_drives() -> None:
+def test_slowly_stopping_leaf_is_awaited_before_another_drives() -> None:
     tree = """
 reactive_selector:
   - sequence:
@@ -232,7 +232,7 @@ class Restless(Careful):
         return True
 
 
-def test_a_leaf_that_never_comes_to_rest_by_itself_is_found() -> None:
+def test_leaf_that_never_rests_after_a_halt_is_found() -> None:
     tree = "selector:\n  - restless\n  - careful\n"
     found = explored(tree, leaves=[Careful, Restless])
     (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
@@ -248,7 +248,7 @@ def test_a_leaf_that_never_comes_to_rest_by_itself_is_found() -> None:
 SETS = "every variable is set when it is read"
 
 
-def test_a_run_that_reads_what_is_not_set_is_shown() -> None:
+def test_run_that_reads_an_unset_variable_is_shown() -> None:
     tree = "parallel:\n  - find_face: {}\n    as: who\n  - sequence: [{wait: 1 s}, {say: 'It is ${who.id}'}]"
     found = explored(tree)
     (finding,) = (each for verdict in found.verdicts for each in verdict.findings)
@@ -258,7 +258,7 @@ def test_a_run_that_reads_what_is_not_set_is_shown() -> None:
     assert outcomes(found)[SETS] == REFUTED
 
 
-def test_what_is_asked_for_first_or_may_fail_is_no_fault() -> None:
+def test_guarded_or_tolerated_read_of_an_unset_variable_is_no_fault() -> None:
     flag = "{set: {ok: false}}, {sequence: [{find_face: {}, as: who}, {set: {ok: true}}], on_failure: succeed}"
     found = explored(f"sequence: [{flag}, {{say: '${{who.id}}', if: ok}}]")
     assert outcomes(found)[SETS] == PROVED
@@ -283,11 +283,11 @@ def test_what_is_asked_for_first_or_may_fail_is_no_fault() -> None:
         ("sequence: [{drive: 1 m, name: go on}, {say: Hi}]", "never: say before go on"),
     ],
 )
-def test_a_property_that_holds_is_proved(tree: str, promise: str) -> None:
+def test_true_property_is_proved(tree: str, promise: str) -> None:
     assert outcome(tree, promise) == PROVED
 
 
-def test_a_reactive_node_that_takes_over_never_overlaps_with_what_it_halts() -> None:
+def test_reactive_node_never_overlaps_with_a_halted_one() -> None:
     tree = "reactive_selector:\n  - sequence: [face_seen, {say: Hi}]\n  - drive: 1 m\n"
     assert outcome(tree, "never: say while drive") == PROVED
     assert outcome(tree, "never: say after drive") == PROVED  # a drive that has succeeded ends the whole
@@ -304,7 +304,7 @@ class Hasty(ManualClock):
         return self.advance(1.0)
 
 
-def test_an_exploration_that_takes_too_long_says_what_is_certain_by_then() -> None:
+def test_exploration_beyond_the_time_limit_reports_partial_results() -> None:
     plan = plan_of("sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3", "never: say while drive")
     found = verify(plan, Hasty(), limit=12.0)
     assert found.outcome == UNDECIDED
@@ -316,7 +316,7 @@ def test_an_exploration_that_takes_too_long_says_what_is_certain_by_then() -> No
     assert verify(plan, Hasty(), limit=1e6).outcome == PROVED
 
 
-def test_a_bound_that_is_too_small_says_so_and_proves_nothing() -> None:
+def test_too_small_bound_is_undecided() -> None:
     tree = "sequence: [{drive: 1 m}, {turn: 90 deg}, {say: Hi}]\nrepeat: 3"
     found = explored(tree, "never: say while drive", "can: succeed", bound=2)
     assert found.outcome == UNDECIDED
@@ -343,7 +343,7 @@ def test_a_fault_within_the_bound_is_refuted_even_where_the_rest_is_not_explored
 # Silent sensors
 
 
-def test_a_sensor_that_stays_silent_ends_a_reactive_composite_as_a_whole() -> None:
+def test_silent_sensor_suspends_a_whole_reactive_composite() -> None:
     tree = "reactive_sequence: [{face_seen: 1 s, on_failure: succeed}, {say: Hi}]"
     report = str(explored(tree, "always eventually: say"))
     assert "1. the camera does not report -> " in report

@@ -34,7 +34,7 @@ def verify(capsys: pytest.CaptureFixture[str], *arguments: str) -> Outcome:
     return command(capsys, "verify", *arguments)
 
 
-def test_what_is_proved_is_listed_with_its_figures(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_proved_properties_are_listed_with_figures(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     del folder
     outcome = verify(capsys, "good.yaml")
     assert outcome.code == 0
@@ -49,7 +49,7 @@ def test_what_is_proved_is_listed_with_its_figures(folder: Path, capsys: pytest.
     ]
 
 
-def test_what_is_refuted_is_shown_at_its_line_with_a_run(capsys: pytest.CaptureFixture[str]) -> None:
+def test_refuted_property_is_shown_with_its_line_and_a_run(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = verify(capsys, str(FOLDER / "left_rolling.yaml"), "--behaviours", str(FOLDER / "rolling.py"))
     assert outcome.code == 1
     shown = outcome.out.partition("\n\n")[2].splitlines()
@@ -63,7 +63,7 @@ def test_what_is_refuted_is_shown_at_its_line_with_a_run(capsys: pytest.CaptureF
     ]
 
 
-def test_the_json_says_the_same(capsys: pytest.CaptureFixture[str]) -> None:
+def test_json_output_has_the_same_content(capsys: pytest.CaptureFixture[str]) -> None:
     outcome = verify(capsys, "--json", str(FOLDER / "drives_after_goodbye.yaml"), "patrol", "--bound", "20")
     assert outcome.code == 1
     goodbye, patrol = json.loads(outcome.out)
@@ -101,9 +101,7 @@ def test_a_folder_is_verified_file_by_file(folder: Path, capsys: pytest.CaptureF
     ]
 
 
-def test_a_mission_that_check_refuses_is_a_mistake_and_the_rest_is_verified(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_invalid_mission_is_an_error_and_others_are_verified(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "bad.yaml").write_text("mission: bad\ntree: drvie\n", encoding="utf-8")
     outcome = verify(capsys, "bad.yaml", "good.yaml", "nowhere")
     assert outcome.code == 2
@@ -112,20 +110,20 @@ def test_a_mission_that_check_refuses_is_a_mistake_and_the_rest_is_verified(
     assert outcome.out.startswith("good.yaml: proved")
 
 
-def test_a_param_decides_what_can_be_reached(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_param_decides_the_reachable_nodes(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = "mission: m\nparams: {loud: false}\ntree:\n  sequence: [{drive: 1 m}, {say: Hi, if: loud}]\n"
     (folder / "m.yaml").write_text(text, encoding="utf-8")
     assert verify(capsys, "m.yaml").code == 1
     assert verify(capsys, "m.yaml", "--param", "loud=true").code == 0
 
 
-def test_a_param_that_nobody_gave_may_have_any_value(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unset_param_may_have_any_value(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = "mission: m\nparams: {n: {type: count}}\ntree:\n  drive: 1 m\n  if: n > 3\n  repeat: ${n}\n"
     (folder / "m.yaml").write_text(text, encoding="utf-8")
     assert verify(capsys, "m.yaml").code == 0
 
 
-def test_what_the_docs_show_is_what_is_printed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_output_matches_the_docs(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (Path(__file__).parents[4] / "docs" / "verify.md").read_text(encoding="utf-8")
     (mission,) = re.findall(r"^```yaml\n(.*?)^```$", page, re.DOTALL | re.MULTILINE)
     (folder / "escort.yaml").write_text(mission, encoding="utf-8")
@@ -141,7 +139,7 @@ def test_what_the_docs_show_is_what_is_printed(folder: Path, capsys: pytest.Capt
 ARMLESS = "robot: box\nbase: {driver: kobuki, port: /dev/kobuki}\n"
 
 
-def test_it_is_verified_for_the_usual_robot_as_it_is_checked(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_verify_uses_the_default_robot_like_check(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (folder / "reach.yaml").write_text(
         "mission: reach\ntree:\n  move_joints: {to: {third_knee: 5 deg}}\n", encoding="utf-8"
     )

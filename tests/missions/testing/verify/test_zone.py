@@ -32,7 +32,7 @@ def holds(times: tuple[float, ...], i: int, j: int, bound: tuple[float, int]) ->
 
 
 @given(DEMANDS, st.tuples(st.integers(0, 2), st.integers(0, 2), BOUNDS))
-def test_a_zone_allows_exactly_what_some_times_meet(
+def test_zone_allows_exactly_the_satisfiable_constraints(
     demands: list[tuple[int, int, tuple[float, int]]], asked: tuple[int, int, tuple[float, int]]
 ) -> None:
     zone = Zone([[ZERO_BOUND if i == j else UNBOUNDED for j in range(3)] for i in range(3)])
@@ -50,7 +50,7 @@ def test_two_ways_add_up_and_are_strict_where_one_is() -> None:
     assert add_bounds((1.0, 1), UNBOUNDED) == UNBOUNDED
 
 
-def test_time_goes_on_and_what_is_long_past_is_only_that() -> None:
+def test_advancing_a_zone_bounds_elapsed_time_from_below() -> None:
     zone = Zone(INITIAL_ZONE)
     first = Zone(zone.advance({0: 5.0}))
     assert first.allows(0, 1, (-100.0, 1))
@@ -58,7 +58,7 @@ def test_time_goes_on_and_what_is_long_past_is_only_that() -> None:
     assert first.advance({0: 5.0}) == ((ZERO_BOUND, (-5.0, 1)), (UNBOUNDED, ZERO_BOUND))
 
 
-def test_loosened_bounds_are_among_those_given_and_never_tighter() -> None:
+def test_extrapolated_bounds_are_given_constants_and_never_tighter() -> None:
     rows = ((ZERO_BOUND, (3.0, 0), (-6.0, 1)), ((-2.0, 0), ZERO_BOUND, (11.0, 1)), (UNBOUNDED, UNBOUNDED, ZERO_BOUND))
     assert extrapolate(rows, [2.0, 5.0]) == (
         (ZERO_BOUND, (5.0, 1), (-5.0, 1)),
@@ -95,7 +95,7 @@ def test_no_time_passes_within_a_tick() -> None:
     assert oracle.choices == []
 
 
-def test_a_time_that_nobody_knows_is_a_choice_each_time() -> None:
+def test_unknown_time_is_a_choice_at_each_comparison() -> None:
     oracle = Oracle()
     timing = SymbolicClock(oracle)
     since, now = elapsed(timing)
@@ -107,7 +107,7 @@ def test_a_time_that_nobody_knows_is_a_choice_each_time() -> None:
     assert since + unknown - now > 0
 
 
-def test_each_instant_is_forgotten_once_its_own_time_is_over() -> None:
+def test_instant_is_forgotten_after_its_own_limit() -> None:
     zone = Zone([[ZERO_BOUND if i == j else UNBOUNDED for j in range(3)] for i in range(3)])
     zone.constrain(0, 2, (-4.0, 1))  # both were 4 s ago, at the same moment
     zone.constrain(0, 1, ZERO_BOUND)

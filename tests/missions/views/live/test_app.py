@@ -93,7 +93,7 @@ def use(do: Use, *, size: tuple[int, int] = (140, 45), plain: bool = False) -> N
     asyncio.run(main())
 
 
-def test_the_tree_says_what_each_node_does_and_why() -> None:
+def test_tree_shows_status_and_reason_of_each_node() -> None:
     async def do(shown: Shown) -> None:
         changed = {
             "1": ["running", "", 0.0],
@@ -116,7 +116,7 @@ def test_the_tree_says_what_each_node_does_and_why() -> None:
     use(do)
 
 
-def test_the_first_line_says_how_it_goes() -> None:
+def test_head_line_shows_the_state_of_the_run() -> None:
     async def do(shown: Shown) -> None:
         await shown.hear(news(12.34, lates=3))
         assert shown.said("head").startswith(" greet on turtlebot2_arm ")
@@ -129,7 +129,7 @@ def test_the_first_line_says_how_it_goes() -> None:
     use(do)
 
 
-def test_parts_say_their_level_in_words_with_their_age_and_what_to_try() -> None:
+def test_parts_show_level_age_values_and_hint() -> None:
     async def do(shown: Shown) -> None:
         parts = [
             part("OK", values={"battery": 91.6, "x": -0.001, "heading": 0.5}),
@@ -151,7 +151,7 @@ def test_parts_say_their_level_in_words_with_their_age_and_what_to_try() -> None
     use(do)
 
 
-def test_variables_come_change_and_go_and_those_of_missions_inside_say_of_which() -> None:
+def test_variables_are_updated_and_named_with_their_submission() -> None:
     async def do(shown: Shown) -> None:
         await shown.hear(news(variables={"greeting": "Hello!", "1.2 times": "3"}))
         assert shown.said("variables") == "greeting Hello!\nwave: times 3"
@@ -161,7 +161,7 @@ def test_variables_come_change_and_go_and_those_of_missions_inside_say_of_which(
     use(do)
 
 
-def test_the_log_keeps_its_lines_and_takes_nothing_in_them_for_markup() -> None:
+def test_log_lines_are_kept_without_interpreting_markup() -> None:
     async def do(shown: Shown) -> None:
         await shown.hear(news(log=["   3.5 s  ✗ find_face  (3.5 s, nobody)", "  robot: [red]hello[/red]"]))
         lines = [strip.text.rstrip() for strip in shown.app.query_one("#log", RichLog).lines]
@@ -170,7 +170,7 @@ def test_the_log_keeps_its_lines_and_takes_nothing_in_them_for_markup() -> None:
     use(do)
 
 
-def test_keys_ask_for_what_the_last_line_says() -> None:
+def test_keys_send_the_orders_shown_in_the_footer() -> None:
     async def do(shown: Shown) -> None:
         await shown.press("n", "space")
         assert shown.orders == ["pause"]
@@ -183,7 +183,7 @@ def test_keys_ask_for_what_the_last_line_says() -> None:
     use(do)
 
 
-def test_a_stop_that_takes_long_can_be_pressed_and_ctrl_c_is_always_one() -> None:
+def test_second_stop_and_ctrl_c_interrupt() -> None:
     async def do(shown: Shown) -> None:
         await shown.press("ctrl+c", "ctrl+z", "q", "ctrl+q")
         assert shown.orders == ["interrupt", "interrupt", "stop", "stop"]
@@ -194,7 +194,7 @@ def test_a_stop_that_takes_long_can_be_pressed_and_ctrl_c_is_always_one() -> Non
     use(do)
 
 
-def test_the_cursor_stays_with_what_runs_until_somebody_moves_it() -> None:
+def test_cursor_follows_the_running_node_until_moved() -> None:
     async def do(shown: Shown) -> None:
         await shown.hear(news(changed={"1": ["running", "", 0.0], "1.1.1": ["running", "looking", 0.0]}))
         assert shown.said("about") == (" greet.yaml:4  find_face  {pan: [-60 deg, 60 deg], speed: 20 deg/s}  looking")
@@ -235,7 +235,7 @@ def test_missions_inside_are_folded_and_unfolded() -> None:
     use(do)
 
 
-def test_a_large_tree_opens_folded_and_follows_what_runs() -> None:
+def test_large_tree_opens_folded_and_follows_the_running_node() -> None:
     async def main() -> None:
         shown = Shown()
         async with shown.app.run_test(size=(80, 24)) as shown.pilot:
@@ -250,7 +250,7 @@ def test_a_large_tree_opens_folded_and_follows_what_runs() -> None:
 
 
 @pytest.mark.parametrize("size", [(80, 24), (140, 45)])
-def test_everything_has_its_place_on_small_and_large_terminals(size: tuple[int, int]) -> None:
+def test_view_fits_small_and_large_terminals(size: tuple[int, int]) -> None:
     async def do(shown: Shown) -> None:
         await shown.hear(news(parts=[part("OK")], variables={"greeting": "Hi"}, log=["  robot: Hi"]))
         words = (
@@ -270,7 +270,7 @@ def test_everything_has_its_place_on_small_and_large_terminals(size: tuple[int, 
 
 
 @pytest.mark.parametrize("size", [(80, 24), (140, 45)])
-def test_where_there_is_only_ascii_nothing_else_is_on_the_screen(size: tuple[int, int]) -> None:
+def test_plain_view_is_ascii_only(size: tuple[int, int]) -> None:
     async def do(shown: Shown) -> None:
         changed = {"1": ["running", "", 0.0], "1.1": ["failure", "", 0.0], "1.1.1": ["success", "", 0.0]}
         parts = [part(level, values={"heading": 1.0}) for level in ("OK", "WARN", "ERROR", "STALE")]
@@ -283,7 +283,7 @@ def test_where_there_is_only_ascii_nothing_else_is_on_the_screen(size: tuple[int
     use(do, size=size, plain=True)
 
 
-def test_a_run_that_is_silent_is_called_stale() -> None:
+def test_silent_run_is_marked_stale() -> None:
     async def do(shown: Shown) -> None:
         shown.clock.advance(5.0)
         shown.app._show_head()
@@ -292,7 +292,7 @@ def test_a_run_that_is_silent_is_called_stale() -> None:
     use(do)
 
 
-def test_the_view_ends_with_its_messages() -> None:
+def test_view_ends_when_its_messages_end() -> None:
     async def main() -> Sequence[str]:
         shown = Shown()
         shown.end()

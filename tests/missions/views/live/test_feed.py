@@ -44,7 +44,7 @@ class Fed:
         return event.text.splitlines() if isinstance(event, Logged) else ()
 
 
-def test_news_are_told_once_and_of_many_changes_only_the_last() -> None:
+def test_changes_are_sent_once_and_only_the_latest() -> None:
     fed = Fed()
     for number in range(100_000):
         fed.feed(NodeChanged(float(number), number, "1", "wait", "wait", 3, "running", f"{number}\n!"))
@@ -60,7 +60,7 @@ def test_news_are_told_once_and_of_many_changes_only_the_last() -> None:
     assert not {"changed", "variables", "log"} & set(fed.feed.take_changes())
 
 
-def test_what_runs_on_is_told_with_its_present_reason() -> None:
+def test_running_node_is_sent_with_its_current_feedback() -> None:
     fed = Fed()
     fed.executive.tick()
     assert fed.feed.take_changes()["changed"] == {"1": ("running", "", 0.0)}
@@ -74,7 +74,7 @@ def test_what_runs_on_is_told_with_its_present_reason() -> None:
     assert "changed" not in fed.feed.take_changes()
 
 
-def test_ticks_are_told_with_how_many_were_late() -> None:
+def test_ticks_are_sent_with_the_number_of_late_ones() -> None:
     fed = Fed()
     fed.clock.advance(2.5)
     fed.executive.tick()
@@ -83,7 +83,7 @@ def test_ticks_are_told_with_how_many_were_late() -> None:
     assert (told["t"], told["tick"], told["lates"], told["paused"], told["stopping"]) == (2.5, 7, 1, False, False)
 
 
-def test_the_way_of_the_last_tick_is_told() -> None:
+def test_visited_keys_are_those_of_the_last_tick() -> None:
     clock, stream = ManualClock(), EventStream()
     root, run = ready(plan_of("  sequence:\n    - wait: 1 s\n    - wait: 1000 s\n"), clock)
     executive = Executive(root, run, stream)
@@ -97,7 +97,7 @@ def test_the_way_of_the_last_tick_is_told() -> None:
     assert visited == [["1.1", "1"], ["1.1", "1.2", "1"], ["1.2", "1"]]
 
 
-def test_values_are_told_in_words_that_fit_a_line() -> None:
+def test_values_are_sent_as_short_text() -> None:
     fed = Fed()
     face = Face(1, 1.0, Box(0, 0, 9, 9), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.5)
     values: dict[str, object] = {
@@ -134,7 +134,7 @@ def test_every_message_is_json() -> None:
     }
 
 
-def test_parts_are_looked_at_now_and_then_and_a_driver_that_raises_costs_only_that_look() -> None:
+def test_parts_are_polled_periodically_and_a_raising_driver_is_skipped() -> None:
     fed = Fed()
     seen = []
     for _ in range(20):
@@ -150,7 +150,7 @@ def test_in_simulated_time_parts_are_looked_at_by_the_tick_alone() -> None:
     assert "parts" in fed.feed.take_changes()
 
 
-def test_parts_that_are_being_closed_are_not_looked_at() -> None:
+def test_closing_parts_are_not_polled() -> None:
     fed = Fed()
     fed.feed(Ticked(1.0, 20, "success"))
     assert "parts" not in fed.feed.take_changes()
@@ -202,7 +202,7 @@ def test_random_requests_take_every_transition_and_a_hold_outlasts_all_but_an_al
     assert not table.missing
 
 
-def test_resume_that_was_under_way_does_not_undo_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_concurrent_resume_does_not_undo_a_hold(monkeypatch: pytest.MonkeyPatch) -> None:
     class SlowTable(RecordingTable):
         """The table as a thread finds it that is interrupted by a stop at its first look-up."""
 
@@ -240,7 +240,7 @@ def test_an_interrupt_is_a_signal_as_from_the_keyboard() -> None:
     assert heard == [signal.SIGINT]
 
 
-def test_a_run_that_nobody_could_resume_is_stopped() -> None:
+def test_paused_run_is_stopped_when_its_view_is_lost() -> None:
     fed = Fed()
     fed.feed.on_view_lost()
     assert not fed.executive.stopping

@@ -111,7 +111,7 @@ def begin(tmp_path: Path) -> Iterator[Begin]:
 
 
 @pytest.mark.timeout(400)
-def test_keys_pause_step_and_stop_and_leave_the_terminal_as_it_was(begin: Begin) -> None:
+def test_keys_pause_step_and_stop_and_the_terminal_is_restored(begin: Begin) -> None:
     screen = begin()
     screen.wait_for("find_face")
     screen.press(" ")
@@ -129,7 +129,7 @@ def test_keys_pause_step_and_stop_and_leave_the_terminal_as_it_was(begin: Begin)
 
 
 @pytest.mark.timeout(400)
-def test_a_view_that_is_killed_leaves_the_run_going_on_and_the_terminal_as_it_was(begin: Begin) -> None:
+def test_killed_view_leaves_run_and_terminal_intact(begin: Begin) -> None:
     screen = begin(speed=2.0)
     screen.wait_for("find_face")
     os.kill(screen.viewer(), signal.SIGKILL)
@@ -143,7 +143,7 @@ def test_a_view_that_is_killed_leaves_the_run_going_on_and_the_terminal_as_it_wa
 
 
 @pytest.mark.timeout(400)
-def test_a_paused_run_whose_view_is_killed_is_stopped(begin: Begin) -> None:
+def test_paused_run_is_stopped_when_its_view_is_killed(begin: Begin) -> None:
     screen = begin()
     screen.wait_for("find_face")
     screen.press(" ")
@@ -154,7 +154,7 @@ def test_a_paused_run_whose_view_is_killed_is_stopped(begin: Begin) -> None:
 
 
 @pytest.mark.timeout(400)
-def test_a_terminal_that_is_closed_ends_the_run_safely(begin: Begin) -> None:
+def test_closed_terminal_ends_the_run_safely(begin: Begin) -> None:
     screen = begin(speed=0.2)
     screen.wait_for("find_face")
     screen.hang_up()
@@ -174,7 +174,7 @@ def test_ctrl_c_ends_the_run_as_ever_and_once_more_does_no_harm(begin: Begin) ->
 
 
 @pytest.mark.timeout(400)
-def test_a_terminal_that_takes_nothing_holds_up_no_tick(begin: Begin) -> None:
+def test_blocked_terminal_does_not_delay_ticks(begin: Begin) -> None:
     screen = begin(speed=3.0, patience="")
     wait_until(screen.result.exists, LONG)
     assert screen.result.read_text() == "success: "

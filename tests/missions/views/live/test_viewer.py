@@ -60,7 +60,7 @@ class Text:
         return self._bytes.decode("utf-8", "replace")
 
 
-def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> None:
+def test_view_without_unicode_is_ascii_and_ends_with_its_run() -> None:
     changed = {"1": ["running", "ünseen", 0.0]}
     surroundings = {"PYTHONIOENCODING": "ascii", "PYTHONUTF8": "0"}
     with shown(first(), news(changed=changed, parts=[part("OK")]), **surroundings) as (ours, process, master):
@@ -77,7 +77,7 @@ def test_without_unicode_all_signs_are_ascii_and_a_view_ends_with_its_run() -> N
         assert text.read().isascii()
 
 
-def test_a_view_that_does_not_read_makes_nobody_wait_and_gets_whole_messages_later() -> None:
+def test_view_that_does_not_read_does_not_block_and_gets_whole_messages() -> None:
     fed = Fed()
     viewer = Viewer(fed.feed, {"long": "x" * 2_000_000})
     ours, theirs = socket.socketpair()
@@ -99,14 +99,14 @@ def test_a_view_that_does_not_read_makes_nobody_wait_and_gets_whole_messages_lat
         assert not thread.is_alive()
 
 
-def test_a_view_that_was_never_opened_can_be_closed() -> None:
+def test_unopened_view_can_be_closed() -> None:
     viewer = Viewer(Fed().feed, {})
     viewer.close()
     viewer.close()
     assert not viewer.is_showing
 
 
-def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_view_needs_a_capable_terminal_and_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
     assert "--view needs a terminal\n  try: " in view_error(StringIO())
     master, slave = pty.openpty()
     with os.fdopen(slave, "w") as out, os.fdopen(os.dup(slave)) as keys:
@@ -120,7 +120,7 @@ def test_there_is_no_view_without_a_terminal(monkeypatch: pytest.MonkeyPatch) ->
     os.close(master)
 
 
-def test_what_is_printed_meanwhile_is_kept_back_and_comes_in_the_end() -> None:
+def test_output_during_the_view_is_held_until_its_end() -> None:
     master, slave = pty.openpty()
     text = Text(master)
     program = (

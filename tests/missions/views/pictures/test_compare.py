@@ -36,7 +36,7 @@ def told(comparison: TreeComparison) -> dict[str, tuple[Change, str]]:
     }
 
 
-def test_a_mission_is_the_same_as_itself() -> None:
+def test_mission_compared_with_itself_has_no_difference() -> None:
     comparison = compare(drawn(BEFORE), drawn(BEFORE))
     assert {pair.change for pair in comparison.root.walk()} == {"same"}
     assert comparison.summary == "no difference"
@@ -53,37 +53,37 @@ def test_a_changed_threshold_is_named_with_both_values() -> None:
     assert told(compare(drawn(BEFORE), after)) == {"find_face": ("changed", "scans: 2 -> 3\ntimeout: 5 s -> 8 s")}
 
 
-def test_an_argument_that_is_given_or_left_out_is_named() -> None:
+def test_added_or_removed_argument_is_named() -> None:
     after = drawn(BEFORE.replace(", scans: 2", ", new: true"))
     (change,) = told(compare(drawn(BEFORE), after)).values()
     assert change == ("changed", "- scans: 2\n+ new: true")
 
 
-def test_the_order_of_arguments_does_not_count_but_that_of_modifiers_does() -> None:
+def test_order_counts_for_modifiers_but_not_for_arguments() -> None:
     one = drawn("\n  drive: {distance: 1 m, speed: 0.2 m/s}\n  timeout: 5 s\n  retry: 2\n")
     assert told(compare(one, drawn("\n  drive: {speed: 0.2 m/s, distance: 1 m}\n  timeout: 5 s\n  retry: 2\n"))) == {}
     other = drawn("\n  drive: {distance: 1 m, speed: 0.2 m/s}\n  retry: 2\n  timeout: 5 s\n")
     assert told(compare(one, other)) == {"drive": ("changed", "modifiers in another order")}
 
 
-def test_a_modifier_put_around_a_node_is_a_change_of_that_node() -> None:
+def test_added_modifier_is_a_change_of_its_node() -> None:
     after = drawn(BEFORE.replace("- drive: 1 m", "- drive: 1 m\n      timeout: 9 s"))
     assert told(compare(drawn(BEFORE), after)) == {"drive: 1 m": ("changed", "+ timeout: 9 s")}
 
 
-def test_a_node_that_is_added_or_removed_leaves_its_siblings_alone() -> None:
+def test_added_or_removed_node_does_not_affect_its_siblings() -> None:
     after = drawn(BEFORE.replace("        - say: Hello\n", "        - say: Good morning\n        - say: Hello\n"))
     assert told(compare(drawn(BEFORE), after)) == {"say: Good morning": ("added", "")}
     assert told(compare(after, drawn(BEFORE))) == {"say: Good morning": ("removed", "")}
 
 
-def test_all_below_a_node_that_is_gone_is_gone() -> None:
+def test_all_nodes_below_a_removed_node_are_removed() -> None:
     comparison = compare(drawn(BEFORE), drawn("\n  sequence:\n    - drive: 1 m\n"))
     assert [comparison.count(change) for change in ("same", "changed", "added", "removed")] == [2, 0, 0, 4]
     assert comparison.summary == "4 removed"
 
 
-def test_nodes_of_another_name_or_argument_still_belong_together() -> None:
+def test_nodes_with_another_name_or_argument_are_matched() -> None:
     after = drawn(BEFORE.replace("- drive: 1 m", "- drive: 2 m\n      name: go"))
     assert told(compare(drawn(BEFORE), after)) == {"drive: go": ("changed", "distance: 1 m -> 2 m\n+ name: go")}
 
@@ -95,7 +95,7 @@ def test_roots_of_different_kinds_belong_together() -> None:
 
 @settings(max_examples=15)
 @given(DRAWINGS, DRAWINGS)
-def test_every_node_stands_in_one_pair_and_keeps_its_order(left: TreeDrawing, right: TreeDrawing) -> None:
+def test_every_node_is_in_one_pair_in_its_order(left: TreeDrawing, right: TreeDrawing) -> None:
     pairs = list(compare(left, right).root.walk())
     assert sorted(pair.left.key for pair in pairs if pair.left) == sorted(box.key for box in left.root.walk())
     assert sorted(pair.right.key for pair in pairs if pair.right) == sorted(box.key for box in right.root.walk())
@@ -109,7 +109,7 @@ def test_every_node_stands_in_one_pair_and_keeps_its_order(left: TreeDrawing, ri
 
 @settings(max_examples=20)
 @given(DRAWINGS)
-def test_nothing_differs_from_itself(drawing: TreeDrawing) -> None:
+def test_drawing_compared_with_itself_has_no_difference(drawing: TreeDrawing) -> None:
     assert compare(drawing, drawing).summary == "no difference"
 
 
@@ -127,7 +127,7 @@ def test_two_columns_are_as_wide_as_the_terminal(width: int) -> None:
     assert lines[-1] == "2 changed"
 
 
-def test_two_columns_are_made_of_ascii_where_nothing_else_is_wanted() -> None:
+def test_side_by_side_comparison_can_be_ascii_only() -> None:
     comparison = compare(drawn(BEFORE), drawn(BEFORE.replace("Who are you?", "x" * 200)))
     assert "≠" in side_by_side(comparison, 60)
     assert side_by_side(comparison, 60, ascii_only=True).isascii()
@@ -146,7 +146,7 @@ def test_a_comparison_as_json_names_nodes_by_their_keys() -> None:
     )
 
 
-def test_a_folded_mission_is_compared_by_what_is_seen_of_it() -> None:
+def test_folded_mission_is_compared_without_its_hidden_nodes() -> None:
     patrol = drawing_of(load_mission("patrol"))
     comparison = compare(patrol, fold_missions(patrol, 0))
     inside = [box for mission in patrol.root.walk() if mission.mission for box in mission.walk() if box is not mission]

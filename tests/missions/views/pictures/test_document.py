@@ -41,18 +41,18 @@ def values(text: str, name: str) -> list[str | None]:
 
 
 @given(st.text(alphabet=st.characters(codec="utf-8", exclude_characters="\r\0")))
-def test_text_and_attributes_come_back_as_they_were(text: str) -> None:
+def test_text_and_attributes_round_trip(text: str) -> None:
     read = Reader(tag("b", text, title=text))
     assert "".join(read.texts) == text
     assert read.tags == [("b", {"title": text})]
 
 
-def test_what_is_markup_already_is_not_escaped_again() -> None:
+def test_markup_is_not_escaped_twice() -> None:
     assert join(tag("b", "<"), " & ") == "<b>&lt;</b> &amp; "
     assert start_tag("input", hidden=True, name=None, disabled=False, data_key="1.2") == '<input hidden data-key="1.2">'
 
 
-def test_a_page_carries_its_style_and_its_script_and_names_no_other_place() -> None:
+def test_page_embeds_style_and_script_and_has_no_external_links() -> None:
     text = document("A title", tag("h1", "Hello"))
     assert PAGE_FOLDER.joinpath("page.css").read_text() in text
     assert PAGE_FOLDER.joinpath("page.js").read_text() in text
@@ -70,14 +70,14 @@ def test_the_policy_names_the_hash_of_every_script_and_allows_no_other(tmp_path:
     assert len(re.findall(r"'sha256-[\w+/]{43}='", policy)) == 2
 
 
-def test_further_styles_and_scripts_come_after_those_of_the_page(tmp_path: Path) -> None:
+def test_additional_assets_follow_those_of_the_page(tmp_path: Path) -> None:
     for name in ("report.js", "report.css"):
         (tmp_path / name).write_text(f"/* {name} */")
     text = document("A title", Markup(""), assets=[tmp_path / "report.js", tmp_path / "report.css"])
     assert values(text, "data-file") == ["page.css", "report.css", "page.js", "report.js"]
 
 
-def test_a_golden_page_has_the_names_of_its_assets_in_their_place() -> None:
+def test_golden_page_has_asset_names_as_placeholders() -> None:
     golden = without_assets(document("A title", tag("h1", "Hello")))
     assert golden.count("{page.css}") == golden.count("{page.js}") == 1
     assert "{hash}" in golden
@@ -85,21 +85,21 @@ def test_a_golden_page_has_the_names_of_its_assets_in_their_place() -> None:
 
 
 @each("text", [HOSTILE, "</script><script>alert(1)</script>", "<!--<script>", "\u2028"])
-def test_data_cannot_end_its_element(text: str) -> None:
+def test_embedded_data_cannot_close_its_element(text: str) -> None:
     read = Reader(document("A title", Markup(""), data={text: [text]}))
     assert [attributes.get("id") for tag, attributes in read.tags if tag == "script"] == ["data", None]
     (data,) = (text for text in read.texts if text.startswith('{"'))
     assert json.loads(data) == {text: [text]}
 
 
-def test_a_number_that_json_does_not_have_is_refused() -> None:
+def test_data_with_nan_is_refused() -> None:
     with pytest.raises(ValueError, match="not JSON compliant"):
         document("A title", Markup(""), data={"x": float("nan")})
 
 
 @settings(max_examples=30)
 @given(DRAWINGS)
-def test_every_drawing_gives_a_page_of_just_these_elements(drawing: TreeDrawing) -> None:
+def test_any_drawing_becomes_a_page_of_expected_elements(drawing: TreeDrawing) -> None:
     text = page(drawing)
     read = Reader(text)
     boxes = list(drawing.root.walk())
@@ -111,7 +111,7 @@ def test_every_drawing_gives_a_page_of_just_these_elements(drawing: TreeDrawing)
 
 @settings(max_examples=30)
 @given(DRAWINGS, DRAWINGS)
-def test_every_pair_of_drawings_gives_a_page(left: TreeDrawing, right: TreeDrawing) -> None:
+def test_any_pair_of_drawings_becomes_a_page(left: TreeDrawing, right: TreeDrawing) -> None:
     comparison = compare(left, right)
     text = pair_page(comparison)
     assert values(text, "data-change") == [pair.change for pair in comparison.root.walk()]

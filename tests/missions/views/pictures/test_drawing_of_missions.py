@@ -27,13 +27,13 @@ def box(drawing: TreeDrawing, kind: str) -> TreeBox:
 
 
 @each("name", shipped_missions())
-def test_a_drawing_has_the_keys_and_lines_of_the_nodes_that_run(name: str) -> None:
+def test_drawing_has_the_keys_and_lines_of_the_executed_nodes(name: str) -> None:
     plan = load_mission(name)
     root, _ = ready(plan, ManualClock())
     assert keys_and_lines(drawing_of(plan)) == {node.key: node.line for node in downwards(root)}
 
 
-def test_arguments_are_as_the_file_has_them_and_in_its_order() -> None:
+def test_arguments_keep_the_text_and_order_of_the_file() -> None:
     tree = "  drive: {speed: 20 cm/s, distance: 1.50 m}\n"
     assert list(box(drawing_of(plan_of(tree)), "drive").arguments.items()) == [
         ("speed", "20 cm/s"),
@@ -58,7 +58,7 @@ def test_each_form_of_an_argument_is_written_back(tree: str, arguments: dict[str
     assert root.arguments == arguments
 
 
-def test_what_is_written_takes_no_part_in_comparing_plans() -> None:
+def test_written_form_is_ignored_when_plans_are_compared() -> None:
     one, other = (plan_of(f"  wait: {time}\n").tree for time in ("2 s", "2.0 s"))
     assert one.arguments_as_written != other.arguments_as_written
     assert (one.arguments["duration"].constant, other.arguments["duration"].constant) == (2.0, 2.0)
@@ -73,7 +73,7 @@ def test_modifiers_are_badges_outermost_first_with_their_own_keys_and_lines() ->
     assert (root.key, root.kind, root.line) == ("1.1.1", "drive", 3)
 
 
-def test_children_of_a_switch_say_their_case_as_yaml_has_it() -> None:
+def test_switch_children_show_their_case_as_in_yaml() -> None:
     cases = "cases: {yes: {wait: 1 s}, 2: {wait: 1 s}, 30 deg: {wait: 1 s}}"
     head = "params: {answer: {default: x, type: text}}\n"
     root = drawing_of(plan_of(f"  switch: {{on: answer, {cases}, default: {{drive: 2 m, retry: 2}}}}\n", head)).root
@@ -100,7 +100,7 @@ def test_recovery_and_cleanup_are_drawn_as_children_with_their_words() -> None:
     assert '|"recover"| n1_1_2' in mermaid(drawing_of(plan))
 
 
-def test_a_submission_says_its_mission_and_what_it_is_given_and_its_nodes_their_own_file() -> None:
+def test_submission_shows_its_mission_arguments_and_file() -> None:
     plan = plan_of("  mission: greet_everybody\n  with: {limit: 2, side: 30 deg}\n  name: meet them\n")
     root = drawing_of(plan).root
     assert (root.mission, root.name, root.file) == ("greet_everybody", "meet them", "m.yaml")
@@ -109,30 +109,30 @@ def test_a_submission_says_its_mission_and_what_it_is_given_and_its_nodes_their_
     assert {each.file for child in root.children for each in child.walk()} == {"greet_everybody.yaml"}
 
 
-def test_shipped_files_are_named_as_they_lie_in_the_package() -> None:
+def test_shipped_files_are_named_by_their_path_in_the_package() -> None:
     assert drawing_of(load_mission("motions/square")).file == "motions/square.yaml"
 
 
-def test_a_file_of_the_users_is_named_as_it_was_given(tmp_path: Path) -> None:
+def test_users_file_is_named_as_given(tmp_path: Path) -> None:
     path = tmp_path / "own.yaml"
     path.write_text("mission: own\ntree: {wait: 1 s}\n")
     assert drawing_of(load_mission(str(path))).file == str(path)
 
 
-def test_texts_are_one_line_without_what_would_break_a_picture() -> None:
+def test_texts_become_one_printable_line() -> None:
     root = drawing_of(plan_of('  say: "a\\n b\\tc\\x1b[31m\\u202e \\u00fc"\n  name: "x\\ny"\n')).root
     assert root.arguments == {"text": "a b c\ufffd[31m\ufffd ü"}
     assert root.name == "x y"
     assert one_line("a\u200db \ud800") == "a\u200db \ufffd"
 
 
-def test_every_kind_of_node_has_a_symbol_of_its_own_in_the_legend() -> None:
+def test_every_node_kind_has_its_own_symbol_in_the_legend() -> None:
     signs = [sign for sign, _, _ in legend()]
     assert len(set(signs)) == len(signs) == len(BRANCHES) + 3  # a selector in turn, condition and action
     assert all(word and meaning for _, word, meaning in legend())
 
 
-def test_a_leaf_that_only_asks_is_a_condition() -> None:
+def test_leaf_that_only_reads_is_a_condition() -> None:
     root = drawing_of(
         plan_of("  sequence:\n    - bumped\n    - wait: 1 s\n    - set: {a: 1}\n    - turn: 3 deg\n")
     ).root
@@ -152,7 +152,7 @@ def test_statuses_fall_on_boxes_and_badges_by_key_and_the_rest_is_idle() -> None
     assert with_states(failed, {}, 0.0) == with_states(drawing, {}, 0.0)
 
 
-def test_submissions_fold_into_one_box_that_counts_what_it_hides() -> None:
+def test_submission_folds_into_one_box_with_a_count() -> None:
     drawing = drawing_of(load_mission("patrol"))
     closed = box(fold_missions(drawing, 0), MISSION)
     below = [each for child in box(drawing, MISSION).children for each in child.walk()]
@@ -160,7 +160,7 @@ def test_submissions_fold_into_one_box_that_counts_what_it_hides() -> None:
     assert fold_missions(drawing, 1) == drawing
 
 
-def test_only_submissions_that_lie_in_too_many_others_fold(tmp_path: Path) -> None:
+def test_only_submissions_nested_too_deeply_fold(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text("mission: inner\ntree: {wait: 1 s}\n")
     (tmp_path / "middle.yaml").write_text("mission: middle\ntree: {mission: inner.yaml}\n")
     (tmp_path / "outer.yaml").write_text("mission: outer\ntree: {sequence: [{mission: middle.yaml}, {wait: 1 s}]}\n")

@@ -23,7 +23,7 @@ def pinned(package: str) -> str:
 
 
 @pytest.mark.parametrize("suffix", [".svg", ".html", *LINKED])
-def test_what_make_docs_dumps_is_up_to_date(suffix: str) -> None:
+def test_stored_dumps_are_up_to_date(suffix: str) -> None:
     for package in ("py-trees", "pydot") if suffix in OF_PY_TREES else ():
         if version(package) != pinned(package):
             pytest.skip(f"drawn with {package} {pinned(package)}, here is {version(package)}")
@@ -32,7 +32,7 @@ def test_what_make_docs_dumps_is_up_to_date(suffix: str) -> None:
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix in (".html", *LINKED) if suffix != ".png"])
-def test_each_dump_of_each_mission_has_all_its_nodes_and_nothing_of_this_machine_or_day(suffix: str) -> None:
+def test_dumps_contain_all_nodes_and_nothing_machine_specific(suffix: str) -> None:
     wrong = []
     for name in shipped_missions():
         made = str(dump(name, suffix))

@@ -43,11 +43,11 @@ def is_sound(layout: TreeLayout, root: TreeBox) -> None:
 
 @settings(max_examples=25)
 @given(DRAWINGS)
-def test_no_card_lies_on_another_and_all_text_on_its_own(drawing: TreeDrawing) -> None:
+def test_cards_do_not_overlap_and_contain_their_text(drawing: TreeDrawing) -> None:
     is_sound(lay_out(drawing), drawing.root)
 
 
-def test_every_shipped_mission_is_laid_out_so() -> None:
+def test_shipped_missions_are_laid_out_without_overlap() -> None:
     for name in shipped_missions():
         drawing = drawing_of(load_mission(name))
         is_sound(lay_out(drawing), drawing.root)
@@ -75,7 +75,7 @@ def test_children_stand_in_the_order_of_the_file_and_begin_in_one_column() -> No
         assert all(above.y + above.height < below.y for above, below in pairwise(children))
 
 
-def test_a_sub_mission_stands_on_a_panel_with_the_name_of_its_file() -> None:
+def test_submission_is_drawn_on_a_panel_with_its_file_name() -> None:
     drawing = drawing_of(load_mission("patrol"))
     layout = lay_out(drawing)
     (panel,) = layout.panels

@@ -25,7 +25,7 @@ def taken(text: str, *, bold: bool) -> float:
 
 
 @each("bold", [False, True])
-def test_the_table_is_that_of_the_font(bold: bool) -> None:
+def test_width_table_matches_the_font(bold: bool) -> None:
     for letter in map(chr, range(32, 127)):
         assert taken(letter, bold=bold) <= text_width(letter, 1.0, bold=bold) < taken(letter, bold=bold) + 0.001, letter
 
@@ -44,13 +44,13 @@ def test_no_letter_of_latin_greek_or_russian_takes_more_than_is_reckoned(bold: b
     assert not {each: both for each, both in found.items() if both[0] > both[1] + 0.003 and category(each) != "Cf"}
 
 
-def test_what_is_wide_or_has_no_width_is_known() -> None:
+def test_wide_and_zero_width_characters_are_measured() -> None:
     assert text_width("日本", 10) >= 20
     assert text_width("e\u0301", 10) == text_width("e", 10)
 
 
 @given(st.text(), st.floats(20, 400))
-def test_a_text_that_is_cut_fits_and_says_so(text: str, most: float) -> None:
+def test_truncated_text_fits_and_ends_in_an_ellipsis(text: str, most: float) -> None:
     shown = truncate(text, 11, most)
     whole = " ".join(text.split())
     assert text_width(shown, 11) <= most
@@ -58,7 +58,7 @@ def test_a_text_that_is_cut_fits_and_says_so(text: str, most: float) -> None:
 
 
 @given(st.lists(st.text(min_size=1)), st.floats(30, 400), st.integers(1, 4))
-def test_items_fill_no_more_lines_than_there_are(items: list[str], most: float, lines: int) -> None:
+def test_wrapped_items_fill_the_given_lines_at_most(items: list[str], most: float, lines: int) -> None:
     rows = wrap_items(items, ", ", 11, most, lines)
     assert len(rows) <= lines
     assert all(text_width(row, 11) <= most for row in rows)

@@ -54,13 +54,13 @@ def shown(browser: Browser, file: Path, html: str, *, dark: bool = False, script
 
 
 @each("sort", ["mission", "moment", "pair"])
-def test_a_page_asks_for_nothing_but_itself(browser: Browser, file: Path, sort: str) -> None:
+def test_page_loads_nothing_else(browser: Browser, file: Path, sort: str) -> None:
     tab = shown(browser, file, page_of(sort))
     assert tab.requests == [file.as_uri()]
     assert tab.errors == []
 
 
-def test_where_there_is_no_browser_a_test_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_browser_skips_with_the_install_command(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", "")
     with pytest.raises(pytest.skip.Exception, match="apt-get install chromium"):
         chromium()
@@ -105,7 +105,7 @@ def test_the_tree_is_named_and_has_an_item_for_every_node(browser: Browser, file
     assert {item.properties.get("expanded") for item in items} == {True, None}
 
 
-def test_a_moment_says_of_every_node_how_it_stands_and_why(browser: Browser, file: Path) -> None:
+def test_page_of_a_moment_shows_status_and_reason_of_each_node(browser: Browser, file: Path) -> None:
     tab = shown(browser, file, page(greeting()))
     assert "running 3.1 s off by 4 deg" in tab.find("treeitem", "track_face").name
     assert "success 3.1 s ago a face at 12 deg" in tab.find("treeitem", "find_face").name
@@ -115,7 +115,7 @@ def test_a_moment_says_of_every_node_how_it_stands_and_why(browser: Browser, fil
 
 
 @each("name", ["greet", "patrol"])
-def test_no_mark_that_folds_covers_the_line_of_its_node(browser: Browser, file: Path, name: str) -> None:
+def test_fold_mark_does_not_cover_the_line_number(browser: Browser, file: Path, name: str) -> None:
     tab = shown(browser, file, page(drawing_of(load_mission(name))))
     gaps = tab.evaluate("""[...document.querySelectorAll('.spread [aria-expanded] > .box')]
         .map((box) => ['.fold', '.line'].map((part) => box.querySelector(part).getBoundingClientRect()))
@@ -130,7 +130,7 @@ def test_a_page_counts_nodes_as_the_checker_does(browser: Browser, file: Path) -
     assert f"greet.yaml · {sum(1 for _ in plan.tree.walk())} nodes" in tab.text()
 
 
-def test_no_status_is_told_by_colour_alone(browser: Browser, file: Path) -> None:
+def test_statuses_differ_in_more_than_colour(browser: Browser, file: Path) -> None:
     waiting = GREETING | {"1.2": NodeState("suspended", "waiting: the camera does not report", 3.1)}
     tab = shown(browser, file, page(with_states(drawing_of(load_mission("greet")), waiting, 6.25)))
     look = """[...document.querySelectorAll('li')].map(li => [li, getComputedStyle(li.firstElementChild)])
@@ -166,7 +166,7 @@ CONTRASTS = """(() => {
 
 @each("dark", [False, True])
 @each("sort", ["mission", "moment", "pair"])
-def test_every_text_stands_out_from_its_ground(browser: Browser, file: Path, sort: str, dark: bool) -> None:
+def test_every_text_has_sufficient_contrast(browser: Browser, file: Path, sort: str, dark: bool) -> None:
     tab = shown(browser, file, page_of(sort), dark=dark)
     tab.evaluate("document.querySelectorAll('details').forEach(details => details.open = true)")
     contrasts = tab.evaluate(CONTRASTS)
@@ -206,7 +206,7 @@ def test_a_picture_is_dark_by_night(browser: Browser, file: Path) -> None:
     assert max(by_night["page"], by_night["card"]) < 60 < min(by_night["title"], by_night["argument"])
 
 
-def test_what_is_said_in_a_mission_or_by_a_robot_is_only_text(browser: Browser, file: Path) -> None:
+def test_hostile_texts_stay_text(browser: Browser, file: Path) -> None:
     badge = Badge("1.1", "timeout", HOSTILE, 3, reason=HOSTILE)
     box = TreeBox("1.1.1", "say", HOSTILE, "■", HOSTILE, 3, "", {HOSTILE: HOSTILE}, (badge,), HOSTILE, HOSTILE)
     box = replace(box, reason=HOSTILE)
@@ -224,7 +224,7 @@ def test_what_is_said_in_a_mission_or_by_a_robot_is_only_text(browser: Browser, 
     assert tab.all("image") == []
 
 
-def test_without_script_the_tree_is_open_and_there_are_no_tools(browser: Browser, file: Path) -> None:
+def test_page_without_script_is_unfolded_and_has_no_tools(browser: Browser, file: Path) -> None:
     tab = shown(browser, file, page(greeting()), script=False)
     assert len(tab.all("treeitem")) == sum(1 for _ in greeting().root.walk())
     assert tab.all("button") == tab.all("searchbox") == []

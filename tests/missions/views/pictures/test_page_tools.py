@@ -75,7 +75,7 @@ def kinds(tab: Tab) -> list[str]:
     return [item.name.split()[0] for item in tab.all("treeitem")]
 
 
-def test_the_arrows_go_through_the_tree_as_the_tree_pattern_says(small: Tab) -> None:
+def test_arrow_keys_follow_the_aria_tree_pattern(small: Tab) -> None:
     def after(*keys: str) -> str:
         small.press(*keys)
         return at(small)
@@ -102,14 +102,14 @@ def test_left_folds_and_right_unfolds(small: Tab) -> None:
     assert kinds(small) == ["sequence", "say", "mission", "gesture", "wait", "selector", "drive"]
 
 
-def test_enter_and_space_fold_and_the_star_unfolds_all_beside_it(small: Tab) -> None:
+def test_enter_and_space_fold_and_asterisk_unfolds_all_siblings(small: Tab) -> None:
     small.press("ArrowDown", "ArrowDown", "Enter", "ArrowDown", " ")
     assert kinds(small) == ["sequence", "say", "mission", "selector"]
     small.press("*")
     assert len(kinds(small)) == 7
 
 
-def test_letters_go_to_the_next_node_that_begins_so(small: Tab) -> None:
+def test_letters_jump_to_the_next_matching_node(small: Tab) -> None:
     small.press("s")
     assert at(small) == "say Hello"
     small.type("el")
@@ -122,7 +122,7 @@ def test_only_one_node_is_a_stop_for_the_tabulator(small: Tab) -> None:
     assert small.evaluate("document.querySelector('li[tabindex=\"0\"]').dataset.key") == "1.2"
 
 
-def test_a_click_on_the_mark_folds_and_leaves_the_keyboard_where_it_is(small: Tab) -> None:
+def test_clicking_the_fold_mark_keeps_the_focus(small: Tab) -> None:
     small.press("ArrowDown")
     left, top, right, bottom = small.evaluate(
         "(({left, top, right, bottom}) => [left, top, right, bottom])"
@@ -146,7 +146,7 @@ def status(tab: Tab) -> str:
     return str(tab.evaluate("document.querySelector('[role=status]').innerText"))
 
 
-def test_a_search_says_how_many_unfolds_what_hides_them_and_goes_on_at_enter(small: Tab) -> None:
+def test_search_counts_matches_unfolds_them_and_enter_advances(small: Tab) -> None:
     small.find("button", "Fold sub-missions").click()
     small.find("treeitem", "sequence").focus()
     small.press("/")
@@ -178,7 +178,7 @@ def box_of(tab: Tab, key: str) -> list[float]:
     return [float(side) for side in tab.evaluate(f"(r => [r.left, r.top, r.right, r.bottom])({rect})")]
 
 
-def test_zoom_makes_the_tree_larger_and_smaller_and_fit_makes_all_of_its_width_seen(small: Tab) -> None:
+def test_zoom_scales_the_tree_and_fit_shows_its_whole_width(small: Tab) -> None:
     def width() -> float:
         left, _, right, _ = box_of(small, "1.1")
         return right - left
@@ -217,7 +217,7 @@ def test_a_script_shows_other_states_and_names_follow(small: Tab) -> None:
     assert not any("no voice" in name or "at work" in name for name in names)
 
 
-def test_a_script_goes_to_a_node_hears_of_the_node_and_has_its_data(browser: Browser, tmp_path: Path) -> None:
+def test_script_can_show_a_node_receive_node_events_and_read_data(browser: Browser, tmp_path: Path) -> None:
     script = tmp_path / "more.js"
     script.write_text("const heard = []; document.addEventListener('node', (event) => heard.push(event.detail.key));")
     body = join(tools(SMALL), tree(SMALL, label="m"))
@@ -234,14 +234,14 @@ def big(browser: Browser, tmp_path: Path) -> Tab:
     return opened(browser, tmp_path, page(LARGE))
 
 
-def test_a_large_tree_opens_with_its_sub_missions_folded(big: Tab) -> None:
+def test_large_tree_opens_with_folded_submissions(big: Tab) -> None:
     visible = "[...document.querySelectorAll('[role=treeitem]')].filter(item => item.checkVisibility()).length"
     assert big.evaluate(visible) == NODES - FOLDED
     big.find("button", "Unfold all").click()
     assert big.evaluate(visible) == NODES
 
 
-def test_no_card_of_a_large_tree_lies_upon_another(big: Tab) -> None:
+def test_cards_of_a_large_tree_do_not_overlap(big: Tab) -> None:
     big.find("button", "Unfold all").click()
     rects = "[...document.querySelectorAll('.box')].map(e => e.getBoundingClientRect())"
     boxes = big.evaluate(f"{rects}.map(r => [r.left, r.top, r.right, r.bottom])")
@@ -252,7 +252,7 @@ def test_no_card_of_a_large_tree_lies_upon_another(big: Tab) -> None:
         assert beside or one[3] <= other[1] or other[3] <= one[1]
 
 
-def test_in_a_large_tree_a_search_finds_what_is_folded_and_brings_it_into_view(big: Tab) -> None:
+def test_search_scrolls_to_a_folded_node_of_a_large_tree(big: Tab) -> None:
     big.press("/")
     big.type("1.5.5.6")
     assert status(big) == "1 of 1"
@@ -263,7 +263,7 @@ def test_in_a_large_tree_a_search_finds_what_is_folded_and_brings_it_into_view(b
     assert bottom <= 800
 
 
-def test_what_is_above_a_node_stays_in_view_while_one_scrolls(big: Tab) -> None:
+def test_ancestors_of_a_node_stay_visible_while_scrolling(big: Tab) -> None:
     big.find("button", "Unfold all").click()
     big.press("/")
     big.type("1.6.6.6")

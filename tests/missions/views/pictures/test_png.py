@@ -20,7 +20,7 @@ def pixels(data: bytes) -> Image:
     return image.astype(np.uint8)
 
 
-def test_text_stands_where_it_was_laid_out() -> None:
+def test_png_text_is_drawn_at_its_layout_position() -> None:
     drawing = drawing_of(load_mission("greet"))
     image = pixels(png(svg(drawing), zoom=2.0))
     for placed in lay_out(drawing).cards:
@@ -30,7 +30,7 @@ def test_text_stands_where_it_was_laid_out() -> None:
             assert int(around.max()) - int(around.min()) > 60, (placed.box.title, line.text)
 
 
-def test_it_is_as_large_as_it_is_asked_to_be() -> None:
+def test_png_has_the_requested_size() -> None:
     picture = svg(drawing_of(load_mission("wave")))
     height, width = pixels(png(picture, zoom=1.0)).shape[:2]
     assert f'viewBox="0 0 {width} {height}"' in picture
@@ -45,7 +45,7 @@ def test_a_huge_picture_is_drawn_smaller(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.parametrize("missing", ["resvg_py", "matplotlib"])
-def test_without_the_extra_it_is_an_import_error(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_png_without_its_extra_raises_an_import_error(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     with pytest.raises(ImportError):
         png("<svg/>")

@@ -79,7 +79,7 @@ def record(folder: Path) -> Path:
 
 
 @each("suffix", list(FORM_OF_SUFFIX))
-def test_the_name_of_the_file_says_the_format(suffix: str, show: Show) -> None:
+def test_file_name_ending_selects_the_format(suffix: str, show: Show) -> None:
     outcome = show("greet", "-o", f"it{suffix}")
     assert outcome.code == 0, outcome.err
     assert outcome.err == f"wrote it{suffix}\n"
@@ -96,12 +96,12 @@ def test_texts_go_to_stdout(form: str, show: Show) -> None:
     assert not outcome.out.endswith("\n\n")
 
 
-def test_text_is_what_is_shown_where_nothing_else_is_said(show: Show) -> None:
+def test_text_is_the_default_format(show: Show) -> None:
     assert show("greet").out == show("greet", "--format", "text").out
     assert show("greet").out.startswith("→ sequence (line ")
 
 
-def test_the_terminal_says_of_what_and_when_a_moment_is(record: Path, show: Show) -> None:
+def test_terminal_output_has_mission_and_time_of_a_moment(record: Path, show: Show) -> None:
     assert show(record.name, "--at", "4 s").out.startswith("greet at 4.00 s\n→ ✗ sequence (line ")
 
 
@@ -118,7 +118,7 @@ def test_a_terminal_is_not_given_bytes(show: Show, monkeypatch: pytest.MonkeyPat
     assert "try: -o greet.png" in outcome.err
 
 
-def test_a_record_shows_its_mission_as_it_was(record: Path, show: Show) -> None:
+def test_record_shows_its_mission_as_recorded(record: Path, show: Show) -> None:
     assert show(record.name).out == show("greet").out
 
 
@@ -131,7 +131,7 @@ def test_a_record_shows_its_mission_as_it_was(record: Path, show: Show) -> None:
         ("4 s", "failure", "failure", "no face found"),
     ],
 )
-def test_a_moment_has_all_that_happened_up_to_it(
+def test_moment_includes_all_events_up_to_its_time(
     time: str, root: str, leaf: str, reason: str, record: Path, show: Show
 ) -> None:
     outcome = show(record.name, "--at", time, "--format", "json")
@@ -141,7 +141,7 @@ def test_a_moment_has_all_that_happened_up_to_it(
     assert (tree["status"], found["status"], found["reason"]) == (root, leaf, reason)
 
 
-def test_a_time_after_the_end_shows_the_end_and_says_so(record: Path, show: Show) -> None:
+def test_time_after_the_end_shows_the_end_with_a_warning(record: Path, show: Show) -> None:
     outcome = show(record.name, "--at", "1 min", "--format", "svg")
     assert outcome.code == 0
     assert "run.mcap ends at 4.00 s" in outcome.err
@@ -149,20 +149,20 @@ def test_a_time_after_the_end_shows_the_end_and_says_so(record: Path, show: Show
     assert "✗" in outcome.out
 
 
-def test_a_mission_has_no_moments_and_says_how_to_record_them(show: Show) -> None:
+def test_moment_of_a_mission_is_refused_with_a_record_hint(show: Show) -> None:
     outcome = show("greet", "--at", "3 s")
     assert outcome.code == 2
     assert "mission run greet --record greet.mcap" in outcome.err
 
 
 @each("time", ["3", "soon", "-1 s", "1 m"])
-def test_a_time_is_a_duration_with_its_unit(time: str, record: Path, show: Show) -> None:
+def test_time_without_a_valid_unit_is_refused(time: str, record: Path, show: Show) -> None:
     outcome = show(record.name, "--at", time)
     assert outcome.code == 2
     assert "--at" in outcome.err
 
 
-def test_a_record_that_is_none_is_told_of(show: Show) -> None:
+def test_invalid_record_is_refused(show: Show) -> None:
     Path("broken.mcap").write_bytes(b"mission: greet\n")
     outcome = show("broken.mcap")
     assert outcome.code == 2
@@ -188,13 +188,13 @@ def test_a_difference_is_as_wide_as_the_terminal(show: Show, monkeypatch: pytest
     assert outcome.out.endswith("3 changed, 3 added\n")
 
 
-def test_a_record_is_compared_with_a_mission_at_that_moment(record: Path, show: Show) -> None:
+def test_record_is_compared_with_a_mission_at_the_given_time(record: Path, show: Show) -> None:
     outcome = show(record.name, "--diff", "greet", "--at", "2 s", "--format", "json")
     data = json.loads(outcome.out)
     assert (data["left"]["time"], data["right"]["time"], data["summary"]) == (2.0, None, "no difference")
 
 
-def test_two_sides_say_how_nodes_stand_where_they_show_a_moment(record: Path, show: Show) -> None:
+def test_comparison_at_a_moment_shows_statuses(record: Path, show: Show) -> None:
     lines = show(record.name, "--diff", "greet", "--at", "4 s").out.splitlines()
     assert [half.strip() for half in lines[0].split("  ") if half] == ["greet at 4.00 s", "greet"]
     assert lines[1].split() == ["✗", "sequence", "=", "sequence"]
@@ -220,7 +220,7 @@ def test_sub_missions_fold(show: Show) -> None:
     assert json.loads(show("patrol", "--format", "json", "--fold", "1").out) == whole
 
 
-def test_a_name_without_a_format_is_told_which_there_are(show: Show) -> None:
+def test_name_without_a_known_format_lists_the_formats(show: Show) -> None:
     outcome = show("greet", "-o", "greet.pdf")
     assert outcome.code == 2
     assert ".svg" in outcome.err
@@ -228,13 +228,13 @@ def test_a_name_without_a_format_is_told_which_there_are(show: Show) -> None:
     assert not Path("greet.pdf").exists()
 
 
-def test_a_file_that_cannot_be_written_is_told_of(show: Show) -> None:
+def test_unwritable_output_file_is_refused_with_a_hint(show: Show) -> None:
     outcome = show("greet", "-o", "nowhere/greet.svg")
     assert outcome.code == 2
     assert "nowhere/greet.svg: there is no folder nowhere\n  try: mkdir -p nowhere" in outcome.err
 
 
-def test_without_its_extra_a_png_says_what_to_install(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_png_without_its_extra_gives_the_install_command(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "resvg_py", None)
     outcome = show("greet", "-o", "greet.png")
     assert outcome.code == 2
@@ -242,7 +242,7 @@ def test_without_its_extra_a_png_says_what_to_install(show: Show, monkeypatch: p
     assert show("greet", "-o", "greet.svg").code == 0
 
 
-def test_a_mission_that_does_not_check_is_not_drawn(show: Show) -> None:
+def test_invalid_mission_is_not_drawn(show: Show) -> None:
     Path("bad.yaml").write_text("mission: bad\ntree:\n  sequence: [{fly: 1 m}]\n")
     outcome = show("bad.yaml", "-o", "bad.svg")
     assert outcome.code == 2

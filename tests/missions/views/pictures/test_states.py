@@ -30,7 +30,7 @@ def change(t: float, status: str, reason: str = "") -> NodeChanged:
     return NodeChanged(t, 1, "1", "m", "wait", 3, status, reason)
 
 
-def test_the_statuses_at_every_tick_of_a_run_are_those_that_the_nodes_had() -> None:
+def test_states_at_every_tick_match_the_nodes() -> None:
     clock, heard, sampled = ManualClock(), list[Event](), dict[float, dict[str, str]]()
     root, run = ready(plan_of(TREE), clock)
 
@@ -53,19 +53,19 @@ def test_the_statuses_at_every_tick_of_a_run_are_those_that_the_nodes_had() -> N
     assert states_at(heard, max(sampled))["1"] == NodeState("failure", "enough", max(sampled))
 
 
-def test_a_status_holds_from_its_own_moment_on() -> None:
+def test_status_holds_from_its_own_time() -> None:
     events = [change(1.0, "running", "waiting"), Ticked(1.0, 1, "running"), change(2.0, "success")]
     assert states_at(events, 0.99) == {}
     assert states_at(events, 1.0) == states_at(events, 1.99) == {"1": NodeState("running", "waiting", 1.0)}
     assert states_at(events, 2.0) == {"1": NodeState("success", "", 2.0)}
 
 
-def test_a_time_that_was_added_up_is_the_one_that_is_typed() -> None:
+def test_typed_time_matches_an_accumulated_one() -> None:
     t = 13.930000000000064  # of 20 ms, some hundred times
     assert states_at([NodeChanged(t, 9, "1", "wait", "wait", 3, "success", "")], 13.93)["1"].since == t
 
 
-def test_what_is_followed_as_it_happens_is_what_is_found_afterwards() -> None:
+def test_live_states_equal_states_read_from_events() -> None:
     events = [change(1.0, "running"), change(2.0, "idle")]
     states = NodeStates()
     for event in events:
@@ -73,6 +73,6 @@ def test_what_is_followed_as_it_happens_is_what_is_found_afterwards() -> None:
     assert states.by_key == states_at(events, 9.0) == {"1": NodeState("idle", "", 2.0)}
 
 
-def test_a_status_that_is_none_is_refused() -> None:
+def test_unknown_status_is_refused() -> None:
     with pytest.raises(KeyError, match="done"):
         state_after(change(1.0, "done"))

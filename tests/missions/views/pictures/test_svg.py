@@ -32,7 +32,7 @@ def standing(status: Status, *, children: tuple[TreeBox, ...] = ()) -> TreeDrawi
     return TreeDrawing("m", "", "m.yaml", box, time=1.0)
 
 
-def test_a_card_says_kind_argument_modifier_variable_and_line() -> None:
+def test_card_shows_kind_arguments_modifiers_variable_and_line() -> None:
     plan = plan_of("\n  find_face: {pan: [-60 deg, 60 deg], scans: 2}\n  as: person\n  timeout: 5 s\n  retry: 3\n")
     picture = svg(drawing_of(plan))
     assert texts(picture, "kind") == ["find_face"]
@@ -42,13 +42,13 @@ def test_a_card_says_kind_argument_modifier_variable_and_line() -> None:
     assert texts(picture, "title") == ["m"]
 
 
-def test_a_case_of_a_switch_stands_on_the_way_to_its_node() -> None:
+def test_switch_case_is_drawn_on_the_line_to_its_node() -> None:
     tree = "\n  switch:\n    on: 1 + 1\n    cases: {2: {say: two}, 3: {say: three}}\n    default: {say: other}\n"
     assert texts(svg(drawing_of(plan_of(tree))), "case") == ["2", "3", "else"]
 
 
 @pytest.mark.parametrize("status", list(SIGNS))
-def test_each_status_has_its_sign_and_a_border_of_its_own(status: Status) -> None:
+def test_each_status_has_its_own_sign_and_border(status: Status) -> None:
     picture = svg(standing(status))
     assert texts(picture, "sign") == [SIGNS[status]] * 2  # on the card and in the legend
     assert status in texts(picture, "within")
@@ -65,7 +65,7 @@ def test_a_mission_at_rest_has_no_signs_of_statuses() -> None:
     assert texts(svg(drawing_of(load_mission("greet"))), "sign") == []
 
 
-def test_a_moment_says_when_it_is_and_why_and_since_when_each_node_stands_so() -> None:
+def test_moment_shows_time_reason_and_start_of_each_status() -> None:
     drawing = drawing_of(load_mission("greet"))
     now = {
         "1": NodeState("running", "", 0.5),
@@ -79,14 +79,14 @@ def test_a_moment_says_when_it_is_and_why_and_since_when_each_node_stands_so() -
     assert 'class="link failure"' in picture
 
 
-def test_a_folded_mission_says_how_much_is_inside() -> None:
+def test_folded_mission_shows_the_number_of_hidden_nodes() -> None:
     (inner,) = (box for box in drawing_of(load_mission("patrol")).root.walk() if box.mission)
     hidden = sum(child.nodes for child in inner.children)
     assert hidden > 0
     assert texts(svg(fold_missions(drawing_of(load_mission("patrol")), 0)), "folded") == [f"{hidden} more inside"]
 
 
-def test_what_is_too_long_for_a_card_stands_in_its_tooltip() -> None:
+def test_text_too_long_for_a_card_is_in_its_tooltip() -> None:
     said = "word " * 60
     box = TreeBox("1", "say", "say", "■", "m.yaml", 7, said.strip(), {"text": said.strip()})
     root = parsed(svg(TreeDrawing("m", "", "m.yaml", box)))
@@ -115,7 +115,7 @@ def test_every_drawing_is_a_document_of_whole_numbers(drawing: TreeDrawing) -> N
     )
 
 
-def test_what_differs_is_marked_on_its_side_and_what_is_the_same_is_not() -> None:
+def test_only_differences_are_marked_on_their_side() -> None:
     before = "\n  sequence:\n    - say: one\n    - drive: 1 m\n"
     after = "\n  sequence:\n    - drive: 2 m\n    - turn: 90 deg\n"
     picture = svg_pair(compare(drawing_of(plan_of(before)), drawing_of(plan_of(after))))

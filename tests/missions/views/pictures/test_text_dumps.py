@@ -40,7 +40,7 @@ LINK = re.compile(r'  (\w+) --> (?:\|"[^"|]*"\| )?(\w+)')
 BOX = re.compile(r'  (\w+)\["([^"]*)"\](?::::?(\w+))?')
 
 
-def test_a_line_says_kind_name_arguments_where_they_go_and_the_line_of_the_file() -> None:
+def test_text_line_has_kind_name_arguments_variable_and_line() -> None:
     assert text_tree(plan_of(TREE)) == (
         "{-} sequence (line 3)\n"
         "    --> wait: 1 s (line 4)\n"
@@ -51,7 +51,7 @@ def test_a_line_says_kind_name_arguments_where_they_go_and_the_line_of_the_file(
     )
 
 
-def test_at_a_moment_of_a_run_signs_and_reasons_say_how_each_node_stands() -> None:
+def test_text_tree_of_a_moment_has_signs_and_reasons() -> None:
     assert text_tree(plan_of(TREE), STATES) == (
         "{-} ▶ sequence (line 3) since 0.00 s\n"
         "    --> ✓ wait: 1 s (line 4) since 1.00 s\n"
@@ -62,7 +62,7 @@ def test_at_a_moment_of_a_run_signs_and_reasons_say_how_each_node_stands() -> No
     )
 
 
-def test_an_outline_has_our_symbols_with_modifiers_above_what_they_modify() -> None:
+def test_outline_has_modifiers_above_their_node() -> None:
     assert outline(drawing_of(plan_of(TREE))) == (
         "→ sequence (line 3)\n"
         "├─ ■ wait: 1 s (line 4)\n"
@@ -73,7 +73,7 @@ def test_an_outline_has_our_symbols_with_modifiers_above_what_they_modify() -> N
     )
 
 
-def test_an_outline_of_a_moment_says_when_and_how_each_node_stands() -> None:
+def test_outline_of_a_moment_has_time_and_statuses() -> None:
     assert outline(with_states(drawing_of(plan_of(TREE)), STATES, 6.0)) == (
         "m at 6.00 s\n"
         "→ ▶ sequence (line 3) since 0.00 s\n"
@@ -94,19 +94,19 @@ def test_an_outline_has_a_line_for_each_node_and_modifier(drawing: TreeDrawing) 
     assert drawing.root.nodes == shown + hidden
 
 
-def test_ascii_is_ascii_whatever_stands_in_the_mission() -> None:
+def test_ascii_output_is_ascii_for_any_mission() -> None:
     drawn = text_tree(plan_of("  say: Grüß dich ✓\n"), {"1": NodeState("success", "", 1.0)}, ascii=True)
     assert drawn == "--> + say: Gr?? dich ? (line 3) since 1.00 s\n"
 
 
-def test_a_drawing_is_dumped_as_its_mission_is() -> None:
+def test_drawing_and_plan_have_the_same_dumps() -> None:
     plan = plan_of(TREE)
     drawing = with_states(drawing_of(plan), STATES, 6.0)
     assert text_tree(drawing) == text_tree(plan, STATES)
     assert dot(drawing) == dot(plan, STATES)
 
 
-def test_a_folded_submission_says_how_much_it_hides() -> None:
+def test_folded_submission_shows_the_number_of_hidden_nodes() -> None:
     dumped = text_tree(fold_missions(drawing_of(load_mission("follow_me")), 0))
     assert "mission: find_person {patience: ${patience}} (line 14) and 8 more below\n" in dumped
     assert "find_face" not in dumped
@@ -130,14 +130,14 @@ def test_the_children_of_a_switch_begin_with_their_case() -> None:
 
 
 @each("name", shipped_missions())
-def test_a_drawing_counts_its_nodes_as_the_checker_does(name: str) -> None:
+def test_drawing_counts_nodes_like_the_checker(name: str) -> None:
     plan = load_mission(name)
     drawing = drawing_of(plan)
     assert drawing.root.nodes == fold_missions(drawing, 0).root.nodes == sum(1 for _ in plan.tree.walk())
 
 
 @each("name", shipped_missions())
-def test_the_shapes_of_the_lines_are_py_trees_own_for_the_nodes_that_run(name: str) -> None:
+def test_text_tree_lines_match_those_of_py_trees(name: str) -> None:
     plan = load_mission(name)
     root, _ = ready(plan, ManualClock())
     for node in downwards(root):
@@ -168,7 +168,7 @@ def test_dumps_are_the_same_bytes_under_every_encoding_of_the_terminal() -> None
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # of pyparsing, in pydot's parser
-def test_dot_names_nodes_by_their_keys_and_keeps_every_text_as_it_is() -> None:
+def test_dot_uses_keys_as_node_names_and_keeps_texts() -> None:
     quoted = HOSTILE.replace("'", "''")
     plan = plan_of(f"  sequence:\n    - say: '{quoted}'\n    - say: '{quoted}'\n")
     (graph,) = pydot.graph_from_dot_data(dot(plan)) or []
@@ -195,7 +195,7 @@ def test_mermaid_has_one_line_for_each_box_and_each_link(drawing: TreeDrawing) -
     assert len({match[1] for match in found}) == len(drawn)
 
 
-def test_mermaid_puts_modifiers_into_the_box_and_colours_it_as_its_parent_sees_it() -> None:
+def test_mermaid_draws_modifiers_in_the_box_with_the_outer_status() -> None:
     drawing = with_states(drawing_of(plan_of(TREE)), STATES, 6.0)
     assert mermaid(drawing).splitlines()[5:] == [
         '  n1["→ ▶ sequence<br/>(line 3)<br/>since 0.00 s"]:::running',
@@ -219,7 +219,7 @@ def test_mermaid_takes_no_text_for_markup() -> None:
 
 
 @each("status", SIGNS)
-def test_no_dump_tells_statuses_apart_by_colour_alone(status: str) -> None:
+def test_dumps_mark_statuses_by_signs_as_well_as_colours(status: str) -> None:
     (known,) = [each for each in SIGNS if each == status]
     plan, now = plan_of("  wait: 1 s\n"), {"1": NodeState(known, "", 1.0)}
     drawing = with_states(drawing_of(plan), now, 1.0)

@@ -25,14 +25,14 @@ def dump() -> dict[str, Any]:
 
 @settings(deadline=None, max_examples=40)
 @given(DRAWINGS)
-def test_what_is_written_is_read_back(drawing: TreeDrawing) -> None:
+def test_tree_json_round_trips(drawing: TreeDrawing) -> None:
     data = json.loads(json.dumps(to_json(drawing)))
     VALIDATOR.validate(data)
     assert from_json(data) == drawing
 
 
 @each("name", shipped_missions())
-def test_every_shipped_mission_is_as_the_schema_says(name: str) -> None:
+def test_shipped_missions_match_the_tree_schema(name: str) -> None:
     drawing = drawing_of(load_mission(name))
     VALIDATOR.validate(to_json(drawing))
     assert from_json(to_json(drawing)) == drawing
@@ -45,7 +45,7 @@ def test_the_schema_is_one_and_explains_every_member() -> None:
         assert all("description" in member for member in definition["properties"].values())
 
 
-def test_the_schema_refuses_what_it_does_not_know() -> None:
+def test_tree_schema_refuses_unknown_members() -> None:
     data = dump()
     data["tree"]["colour"] = "red"
     assert not VALIDATOR.is_valid(data)
@@ -68,7 +68,7 @@ def test_the_schema_refuses_what_it_does_not_know() -> None:
         (("tree", "arguments"), {"distance": 1}, "'tree.arguments.distance' must be a text, got 1"),
     ],
 )
-def test_a_wrong_dump_is_refused_with_what_is_wrong(where: tuple[str, ...], value: object, words: str) -> None:
+def test_invalid_tree_dump_is_refused_with_the_fault(where: tuple[str, ...], value: object, words: str) -> None:
     data = part = dump()
     for name in where[:-1]:
         part = part[name]
