@@ -28,6 +28,13 @@ if TYPE_CHECKING:
     from missions.plugins.verify.stand_ins import StandIn
 
 
+MAX_COMPARISONS = 32
+"""Comparisons in one run of a tick. Further ones are made only at each power of two, so the cost stays linear.
+
+Each costs in proportion to the nodes. It is exact to leave one out, since the run is then only followed further.
+"""
+
+
 class RunMergedError(Exception):
     """The run has come to a situation of an earlier run from the same state; nothing new can follow."""
 
@@ -56,6 +63,7 @@ class TickMerger:
         self._ticking = {node: frozenset((node, *_ancestors(node))) for node in nodes}
         self._seen: set[object] | None = None
         self._checked = 0
+        self._comparisons = 0
 
     def start(self) -> None:
         """Begin to explore a state: forget the situations after earlier states, and merge runs from now on."""
@@ -67,7 +75,7 @@ class TickMerger:
 
     def begin_run(self) -> None:
         """Begin a run from the state."""
-        self._checked = 0
+        self._checked = self._comparisons = 0
 
     def visit(self, leaf: "StandIn") -> None:
         """Compare the situation before a tick of ``leaf``. Raises RunMergedError if an earlier run has reached it."""
@@ -75,6 +83,9 @@ class TickMerger:
         if choices == self._checked or self._seen is None or self._oracle.follows_script or self._watch.violations:
             return
         self._checked = choices
+        self._comparisons += 1
+        if self._comparisons > MAX_COMPARISONS and self._comparisons.bit_count() > 1:
+            return
         situation = self._situation(leaf)
         if situation in self._seen:
             raise RunMergedError
