@@ -450,7 +450,7 @@ def _form_name(node: Node) -> str:
 
 
 def _read_data(context: CheckContext, node: Node, label: str, convert: Convert) -> Value:
-    """Read nested lists and mappings, in which each value may be an expression."""
+    """Return the value of an argument that is a list or a mapping, in which each value may be an expression."""
     data = _data(context, node, label)
     values = list(data_values(data))
     if any(value is INVALID_VALUE for value in values):
@@ -463,7 +463,7 @@ def _read_data(context: CheckContext, node: Node, label: str, convert: Convert) 
 
 
 def _data(context: CheckContext, node: Node, label: str) -> object:
-    """Return nested lists and mappings with a ``Value`` in place of each scalar."""
+    """Return a YAML node as nested lists and dicts, in which a ``Value`` stands for each scalar."""
     if isinstance(node, Listing):
         return [_data(context, item, label) for item in node.items]
     if isinstance(node, Mapping):

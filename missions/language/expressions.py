@@ -399,13 +399,16 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class DataTemplate(Template):
-    """A list or a mapping with ``${...}`` in it: ``data`` has a ``Value`` in place of each plain value."""
+    """A list or a mapping in a mission with ``${...}`` in it.
+
+    ``data`` has it as nested lists and dicts, in which a ``Value`` stands for each constant or expression.
+    """
 
     data: Any = field(default=None, hash=False)
 
     @property
     def values(self) -> "list[Value]":
-        """All values in the list or mapping, in order."""
+        """All values in the list or mapping, and in those inside it, in order."""
         return list(data_values(self.data))
 
     def evaluate(self, scope: Mapping[str, object]) -> object:
@@ -419,14 +422,14 @@ class DataTemplate(Template):
 
 
 def map_data(data: Any, function: "Callable[[Value], object]") -> object:
-    """Return nested lists and mappings with ``function`` applied to each value in them."""
+    """Return a copy of nested lists and dicts, in which ``function`` has replaced each ``Value``."""
     if isinstance(data, Mapping):
         return {key: map_data(each, function) for key, each in data.items()}
     return [map_data(each, function) for each in data] if isinstance(data, list) else function(data)
 
 
 def data_values(data: Any) -> "Iterator[Value]":
-    """Yield all values in nested lists and mappings."""
+    """Yield each ``Value`` in nested lists and dicts, in order."""
     if isinstance(data, Mapping | list):
         for each in data.values() if isinstance(data, Mapping) else data:
             yield from data_values(each)
@@ -435,7 +438,7 @@ def data_values(data: Any) -> "Iterator[Value]":
 
 
 def plain_values(value: Value) -> list[Value]:
-    """Return the values in a list or a mapping, or the value alone."""
+    """Return the values inside ``value`` if it is a list or a mapping; otherwise ``value`` alone."""
     return value.template.values if isinstance(value.template, DataTemplate) else [value]
 
 

@@ -69,16 +69,17 @@ def make_list(items: list[Any]) -> list[Any]:
 
 
 MAX_DATA_VALUES = 10_000
-"""Maximum values in a list or a mapping with ``${...}`` in it, those of lists and mappings within counted."""
+"""Maximum number of values in a list or mapping that a mission makes, including nested lists and mappings."""
 
 MAX_DATA_DEPTH = 10
-"""Maximum lists and mappings inside one another, if a mission makes them."""
+"""Maximum depth of nested lists and mappings that a mission makes."""
 
 
 def check_data_size(data: object) -> object:
-    """Return nested lists and mappings. Raises ValueError if they are too large or too deep.
+    """Return nested lists and mappings unchanged. Raises ValueError if they are too large or nested too deeply.
 
-    A mission could otherwise put a mapping into itself at every tick, twice.
+    Without this limit, a mission could double a mapping at every tick, by setting it to a mapping that contains it
+    twice.
     """
     waiting, count, length = [(data, 1)], 0, 0
     while waiting:

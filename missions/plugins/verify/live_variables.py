@@ -51,10 +51,10 @@ The variables that are live while such a modifier runs are those of its child.
 
 
 class LiveVariables(NamedTuple):
-    """Variables that a run may still read, by node key: while the node runs, and before it starts.
+    """Variables that a run may still read, by node key: ``running`` while the node runs, ``before`` before it starts.
 
-    Only variables of the node's own mission are included. While a parent runs, its entry has only the variables that
-    its own next steps may read; the entries of its running children have the others.
+    Only variables of the node's own mission are included. While a parent runs, its next steps and its running children
+    may read variables; the entry of the parent has only those of its next steps.
     """
 
     running: Mapping[str, Names]
@@ -62,7 +62,7 @@ class LiveVariables(NamedTuple):
 
 
 def live_variables(tree: Step) -> LiveVariables:
-    """Return the live variables of a mission.
+    """Return the variables of a mission that a run may still read, for each node of ``tree``.
 
     The steps of ``tree`` must be abstract (see missions.plugins.verify.model), since a stand-in reads fewer variables
     than its leaf.

@@ -143,9 +143,9 @@ class Snapshots:
         return tuple(found)
 
     def stopped_in(self, tick: int) -> tuple[bool, ...]:
-        """Return for each leaf, and each ``finally``, whether it is stopping, and its halt was ticked in ``tick``.
+        """Return for each leaf, and each ``finally``, whether it is stopping and was halted in the tick ``tick``.
 
-        For a ``finally``, that is its cleanup.
+        For a ``finally``, that means that its cleanup was ticked.
         """
         return tuple(
             tick in (own.get("_halt_tick"), own.get("_cleanup_tick"))
