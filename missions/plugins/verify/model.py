@@ -379,10 +379,10 @@ class ScopeSnapshots:
         return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
 
     def _add_live_at_start(self, node: Parent, live: defaultdict[int, set[str]]) -> None:
-        """Add to ``live`` the variables that a node reads at its start, for a node that has not started yet.
+        """Add to ``live`` the variables that a running node with no running member, or its members, read at start.
 
-        A node may wait for a sensor before it starts, or before one of its members does; a sub-mission also waits for
-        the sensors of its results. ``live`` has the variables by the ``id`` of their scope.
+        Such a node may wait for a sensor before it or a member starts; a sub-mission may also wait for the sensors of
+        its results. ``live`` has the variables by the ``id`` of their scope.
         """
         live[id(node.scope)].update(self._live.before[node.key])
         for member in node.members:
