@@ -56,6 +56,9 @@ FORM_OF_SUFFIX: Mapping[str, str] = {
 }
 """Output format of `mission show` for each file suffix, such as "dot" for ".gv"."""
 
+XML, EXPORT_SERVICE = "xml", "export_mission"
+"""Format for other systems, which only missions have, and the service that writes it."""
+
 NO_RECORD = "a mission has no times, unlike a record\n  try: mission run {name} --record {stem}.mcap, then show that"
 NO_PLOTS = "a PNG needs resvg and Matplotlib\n  try: pip install 'missiontree[plots]', or -o {stem}.svg"
 
@@ -78,7 +81,7 @@ KIND_OF_LIBRARY = {"worlds": "world", "gaits": "gait"}
 @click.option(
     "--format",
     "form",
-    type=click.Choice(list(TREE_FORMS)),
+    type=click.Choice([*TREE_FORMS, XML]),
     help="Output format; the default is text, or the format of the file after -o. For a behaviour: text or json.",
 )
 @click.option(
@@ -202,6 +205,11 @@ def _show_tree(
     files: tuple[Path, ...],
 ) -> None:
     """Draw the tree of the mission or record ``name``; with ``other``, both trees side by side."""
+    if form == XML:
+        if other is not None or depth is not None or _is_record(name):
+            raise click.UsageError("XML holds one whole mission: no record, and no --diff or --fold beside it")
+        _export(name, output, params, files)
+        return
     names = [name] if other is None else [name, other]
     drawings = [_drawing(each, params if each == name else {}, files, time) for each in names]
     if depth is not None:
@@ -213,11 +221,22 @@ def _show_tree(
     _write(dump, output, form, name, private=any(map(_is_record, names)))
 
 
+def _export(name: str, output: Path | None, params: dict[str, str], files: tuple[Path, ...]) -> None:
+    """Write a mission for other systems, and a report of everything that they do not have to stderr."""
+    export = _require_service(EXPORT_SERVICE, "interchange")
+    exported = export(load_mission(name, params=params, leaves=leaf_loader(files)(name)))
+    _write(exported.text, output, XML, name, private=False)
+    for line in exported.lines():
+        click.echo(line, err=True)
+
+
 def _form_of(output: Path | None) -> str:
     if output is None:
         return "text"
+    if output.suffix.lower() == f".{XML}":
+        return XML
     if output.suffix.lower() not in FORM_OF_SUFFIX:
-        known = ", ".join(FORM_OF_SUFFIX)
+        known = ", ".join((*FORM_OF_SUFFIX, f".{XML}"))
         picture = shlex.quote(str(output.with_suffix(".png")))
         raise click.UsageError(f"-o {output}: unknown format; known: ({known})\n  try: -o {picture}")
     return FORM_OF_SUFFIX[output.suffix.lower()]

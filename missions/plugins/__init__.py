@@ -147,6 +147,7 @@ PLUGINS = (
                 "Make missions of trees of BehaviorTree.CPP, Nav2 and py_trees.",
             ),
         },
+        services={"export_mission": "missions.plugins.interchange.exporter:export_mission"},
     ),
     Plugin(
         "tasks",

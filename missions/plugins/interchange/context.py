@@ -20,7 +20,6 @@ from missions.plugins.interchange.scripts import (
     FLAG,
     LOGIC,
     NUMBER,
-    TEXT,
     Assignment,
     Formula,
     Script,
@@ -153,7 +152,7 @@ def assigned_value(formula: Formula, kind: str | None) -> object:
         return bool(constant) if kind == FLAG and constant in (0, 1) else constant
     if isinstance(constant, str):
         return constant
-    if formula.parts and not all(part.kind == TEXT for part in formula.parts):
+    if formula.is_template:
         words = (part.constant if isinstance(part.constant, str) else f"${{{part.text}}}" for part in formula.parts)
         return Verbatim(json.dumps("".join(words), ensure_ascii=False))
     if kind == NUMBER and formula.kind == FLAG:

@@ -3,6 +3,7 @@
 An included file outside the project's folder is not read.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from os.path import realpath
@@ -45,10 +46,14 @@ class PortModel:
 
 @dataclass(slots=True)
 class NodeModel:
-    """Declaration of a kind of node: its role, one of ``EXPLICIT_ROLES`` or empty, and its ports by name."""
+    """Declaration of a kind of node: its role, one of ``EXPLICIT_ROLES`` or empty, and its ports by name.
+
+    ``word`` is the word of missions from which `mission show` made the node, empty for others.
+    """
 
     role: str
     ports: dict[str, PortModel] = field(default_factory=dict)
+    word: str = ""
 
     def port(self, name: str) -> PortModel:
         """Return the port with this name. For an undeclared port, the direction is guessed from the name."""
@@ -285,6 +290,9 @@ def _add_models(project: ForeignProject, element: Element) -> None:
         if declared.tag not in EXPLICIT_ROLES or not name:
             continue
         model = project.models.setdefault(name, NodeModel(declared.tag))
+        metadata = (each for fields in declared.children if fields.tag == "MetadataFields" for each in fields.children)
+        words = (each.attributes["mission"] for each in metadata if "mission" in each.attributes)
+        model.word = next((word for word in words if re.fullmatch(r"[a-z]\w{0,79}", word, re.ASCII)), model.word)
         for port in declared.children:
             if (direction := DIRECTIONS.get(port.tag)) and (port_name := port.attributes.get("name", "")):
                 found = PortModel(

@@ -107,6 +107,7 @@ def mission_text(
     tree: MissionStep,
     *,
     summary: str = "",
+    header: Mapping[str, str] | None = None,
     params: Mapping[str, object] | None = None,
     param_remarks: Mapping[str, str] | None = None,
     comments: tuple[str, ...] = (),
@@ -115,7 +116,8 @@ def mission_text(
     """Return the text of a mission file, with the steps of ``tree``.
 
     ``params`` has the default or declaration of each param, ``param_remarks`` comments behind them. ``comments`` stand
-    at the beginning of the file, ``last_comments`` at its end.
+    at the beginning of the file, ``last_comments`` at its end. ``header`` are keys with their values in YAML; with it,
+    the name, the summary and the params are not used.
     """
     lines = [*_comment_lines(comments, 0), f"mission: {yaml_word(name)}"]
     if summary:
@@ -127,7 +129,11 @@ def mission_text(
             f"  {yaml_word(each)}: {scalar_text(value)}{_remark(remarks.get(each, ''))}"
             for each, value in params.items()
         ]
+    behind = ("returns", "properties")
+    if header is not None:
+        lines = [*_comment_lines(comments, 0), *(f"{key}:{header[key]}" for key in header if key not in behind)]
     lines += ["", *_entry_lines("tree", tree, 0)]
+    lines += [f"{key}:{(header or {})[key]}" for key in behind if key in (header or {})]
     if last_comments:
         lines += ["", *_comment_lines(last_comments, 0)]
     return "\n".join(lines) + "\n"

@@ -231,3 +231,27 @@ CONDITIONS = (
     *("WouldASmootherRecoveryHelp", "WasEntryUpdated"),
 )
 """Leaves of Nav2 and BehaviorTree.CPP that are conditions: they end at their first tick."""
+
+MARK = "_mission"
+"""Attribute that names the word of a mission for which `mission show` wrote an element; the library ignores it.
+
+On a ``BehaviorTree`` it is the name of the mission. The attributes below hold data without a place in the library.
+"""
+
+GIVEN, DEFAULTS, CALCULATED, RETURNS, AS = "_given", "_defaults", "_calculated", "_returns", "_as"
+"""Attributes of a SubTree: its params, those with their defaults, those that are calculated, results, and ``as``."""
+
+SUMMARY, PARAMS, PROPERTIES, INTERRUPTED = "_summary", "_params", "_properties", "_if_interrupted"
+"""Attributes of a BehaviorTree: keys of the mission. ``RETURNS`` stands there too."""
+
+REASON = "_reason"
+"""Attribute of an AlwaysFailure: the reason of the failure."""
+
+CASES = "_cases"
+"""Attribute of a choice: the case of each child behind the condition, as a list in YAML; null for a filler."""
+
+UNSKIPPED, FILLER = "unskipped", "no case"
+"""Values of ``MARK`` for elements that are no step: one that turns a skip into a success, and a case without a node."""
+
+RESULT = "result"
+"""Port for the result of a leaf."""

@@ -41,7 +41,7 @@ def model_of(project: ForeignProject, name: str, rules: Mapping[str, LeafRule]) 
     known = rules[name].outputs if name in rules else ()
     if not model.ports:
         known = (*known, *NAV2_OUTPUTS.get(name, ()), *sorted(project.guessed_outputs.get(name, ())))
-    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}})
+    return NodeModel(model.role, {**model.ports, **{port: PortModel("out") for port in known}}, model.word)
 
 
 def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dict[str, dict[str, PortModel]]:

@@ -48,6 +48,7 @@ class Formula:
     - ``constant`` is its value if it is only a number, a flag or a text, else None.
     - ``parts`` are the joined texts if it joins several.
     - ``opposite`` is the negated expression if it is a comparison, else empty.
+    - ``is_template`` is true if the parts are written as one text: ``${a}, ${b}``.
     """
 
     text: str
@@ -56,6 +57,7 @@ class Formula:
     binding: int = 9
     constant: float | bool | str | None = None
     parts: tuple["Formula", ...] = ()
+    is_template: bool = False
     opposite: str = ""
 
     @property
@@ -302,19 +304,21 @@ def text_formula(text: str) -> Formula:
 def _combine(sign: str, left: Formula, right: Formula) -> Formula:
     reads = (*left.reads, *right.reads)
     if sign == ".." or (sign == "+" and TEXT in (left.kind, right.kind)):
-        return _join(left, right, reads)
+        return _join(left, right, reads, is_template=sign == "..")
     binding = SUM if sign in "+-" else PRODUCT
     text = f"{left.within(binding)} {sign} {right.within(binding + 1)}"
     return Formula(text, NUMBER if sign != "+" or NUMBER in (left.kind, right.kind) else None, reads, binding)
 
 
-def _join(left: Formula, right: Formula, reads: tuple[str, ...]) -> Formula:
+def _join(left: Formula, right: Formula, reads: tuple[str, ...], *, is_template: bool) -> Formula:
     """Return an expression that joins two texts; ``reads`` are the blackboard entries that both read.
 
     It keeps its parts, because an expression cannot join a number to a text; ``"${a}${b}"`` can.
     """
     parts = (*(left.parts or (left,)), *(right.parts or (right,)))
-    return Formula(f"{left.within(SUM)} + {right.within(PRODUCT)}", TEXT, reads, SUM, parts=parts)
+    is_template = is_template or any(part.kind != TEXT for part in parts)
+    text = f"{left.within(SUM)} + {right.within(PRODUCT)}"
+    return Formula(text, TEXT, reads, SUM, parts=parts, is_template=is_template)
 
 
 def _of_one_kind(one: Formula, other: Formula) -> tuple[Formula, Formula]:
@@ -360,8 +364,20 @@ def negate(formula: Formula) -> Formula:
     if formula.opposite:
         return Formula(formula.opposite, FLAG, formula.reads, COMPARISON, opposite=formula.text)
     if formula.text.startswith("not ") and formula.binding == LOGIC + 1:
-        return Formula(formula.text.removeprefix("not "), FLAG, formula.reads, LOGIC)
+        return _without_parentheses(Formula(formula.text.removeprefix("not "), FLAG, formula.reads, LOGIC))
     return Formula(f"not {formula.within(SIGN)}", FLAG, formula.reads, LOGIC + 1)
+
+
+def _without_parentheses(formula: Formula) -> Formula:
+    """Return a condition without parentheses around all of it."""
+    text, depth = formula.text, 0
+    if not text.startswith("("):
+        return formula
+    for place, letter in enumerate(text):
+        depth += (letter == "(") - (letter == ")")
+        if letter in "'\"" or (depth == 0 and place < len(text) - 1):
+            return formula
+    return Formula(text[1:-1], FLAG, formula.reads, 1)
 
 
 def as_condition(formula: Formula) -> Formula:

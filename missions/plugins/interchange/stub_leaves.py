@@ -100,10 +100,13 @@ class StubTable:
         self._taken = {*leaf_tags, *BESIDE_WORDS}
         self.stubs: dict[str, StubLeaf] = {}
 
-    def stub(self, id: str, role: str) -> StubLeaf:  # noqa: A002 - the name in the file
-        """Return the stub of the leaf with this ID and role, such as "Condition"; the first call creates it."""
+    def stub(self, id: str, role: str, word: str = "") -> StubLeaf:  # noqa: A002 - the name in the file
+        """Return the stub of the leaf with this ID and role, such as "Condition"; the first call creates it.
+
+        Its tag is ``word``, or made from the ID.
+        """
         if id not in self.stubs:
-            found = StubLeaf(id, self._tag(id, role), role)
+            found = StubLeaf(id, self._tag(word or id, role), role)
             found.outputs |= self._outputs.get(id, {})
             self.stubs[id] = found
         return self.stubs[id]

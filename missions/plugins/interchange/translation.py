@@ -19,6 +19,7 @@ from missions.plugins.interchange.node_kinds import (
     WITHOUT_COUNTERPART,
     ForeignKind,
 )
+from missions.plugins.interchange.own_nodes import translate_call, translate_own
 from missions.plugins.interchange.report import DIFFERS, LOST, RENAMED, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable
 from missions.plugins.interchange.xml_reader import Element
@@ -62,9 +63,11 @@ def translate_tree(
 
 def _translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
     kind, role = normal_form(element, tree.project)
-    step = _by_kind(tree, element, kind, role, skip_as, parent)
+    step = translate_own(tree, element, skip_as)
+    if step is None:
+        step = _by_kind(tree, element, kind, role, skip_as, parent)
+        _note_dropped(tree, element, kind)
     step.comments = [*element.comments, *description_of(element), *step.comments, *element.last_comments]
-    _note_dropped(tree, element, kind)
     step.origin = element
     return with_conditions(tree, element, step, skip_as)
 
@@ -186,6 +189,9 @@ def _subtree(tree: TreeContext, element: Element) -> MissionStep:
             constants[port] = constant_value(value)
     if inner is None or inner.body is None:
         return _missing_subtree(tree, element, name or "SubTree")
+    if (own := translate_call(tree, element, inner, name)) is not None:
+        tree.calls.append((own, SubtreeCall(inner, element, entries, constants, shares)))
+        return own
     step = tree.add_name(MissionStep("mission", name), element)
     tree.calls.append((step, SubtreeCall(inner, element, entries, constants, shares)))
     return step

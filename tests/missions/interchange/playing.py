@@ -1,6 +1,6 @@
 """Plays imported missions with scripted leaves, tick by tick, as BehaviorTree.CPP played the originals."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +18,7 @@ from missions.executive.executive import Executive
 from missions.executive.stream import EventStream
 from missions.language.document import declared_params, load_plan
 from missions.language.nodes import MODIFIERS
-from missions.language.plan import Step
+from missions.language.plan import Plan, Step
 from missions.library.lookups import LOOKUPS
 from missions.library.shipped import find_mission
 from missions.library.vocabulary import load_leaves
@@ -101,6 +101,13 @@ def play_import(
     leaves = load_leaves(sorted((folder / "behaviours").glob("*.py")))
     plan = load_plan(folder / f"{main}.yaml", leaves, LOOKUPS, find_mission=find_mission)
     params = declared_params(folder / f"{main}.yaml", leaves, LOOKUPS)
+    return play(plan, scripts, max_ticks, params)
+
+
+def play(
+    plan: Plan, scripts: Mapping[str, LeafScript], max_ticks: int = MAX_TICKS, unset: Iterable[str] = ()
+) -> Played:
+    """Run a mission; scripts replace its stub leaves, by their names. ``unset`` are variables that begin as null."""
 
     def substitute(step: Step, leaf: Leaf | None) -> Leaf | None:
         if leaf is None or not leaf.stub:
@@ -116,7 +123,7 @@ def play_import(
 
     clock = ManualClock()
     run = RunState(clock)
-    run.variables.update(dict.fromkeys(params))  # an entry that nobody sets is unset there, and null here
+    run.variables.update(dict.fromkeys(unset))  # an entry that nobody sets is unset there, and null here
     events: list[tuple[str, str]] = []
     root = build(plan, run, lambda _: Robot(), substitute=substitute)
     for node in root.iterate():

@@ -4,15 +4,16 @@ import re
 from pathlib import Path
 
 from behaviours.catalogue import LEAVES
+from missions.library.shipped import load_mission
+from missions.plugins.interchange.exporter import export_mission
 from missions.plugins.interchange.importer import import_trees
 
 PAGE = (Path(__file__).parents[3] / "docs" / "interchange.md").read_text(encoding="utf-8")
 
 
-def block(language: str) -> str:
-    found = re.search(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
-    assert found is not None
-    return found[1]
+def block(language: str, number: int = 0) -> str:
+    found: list[str] = re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.DOTALL | re.MULTILINE)
+    return found[number]
 
 
 def test_the_example_is_imported_as_the_page_shows(tmp_path: Path) -> None:
@@ -21,3 +22,10 @@ def test_the_example_is_imported_as_the_page_shows(tmp_path: Path) -> None:
     assert imported.files["deliver.yaml"] == block("yaml")
     assert imported.files["behaviours/deliver.py"] == block("python")
     assert all(line in PAGE for line in imported.report.lines())
+
+
+def test_the_example_is_exported_as_the_page_shows(tmp_path: Path) -> None:
+    (tmp_path / "fetch.yaml").write_text(block("yaml", 1))
+    exported = export_mission(load_mission(str(tmp_path / "fetch.yaml")))
+    assert block("xml", 1) in exported.text
+    assert all(line in PAGE for line in exported.lines())

@@ -1,0 +1,158 @@
+"""Steps of missions without an equal node in BehaviorTree.CPP, as custom nodes with a model."""
+
+from collections.abc import Mapping
+
+from behaviours.leaf import Leaf
+from config.yaml_nodes import Mapping as Entries
+from config.yaml_nodes import Node, Scalar
+from missions.language.nodes import BRANCHES, FINALLY, FOR_EACH, HALT_LIMIT, MODIFIERS, SWITCHES, WAIT_FOR
+from missions.language.plan import Step
+from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, RESULT
+from missions.plugins.interchange.report import LOST
+from missions.plugins.interchange.tree_writer import TreeWriter
+from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, is_text_argument, port_text
+
+_ARGUMENT_TYPES = {"number": "double", "count": "int", "flag": "bool", "value": "BT::AnyTypeAllowed"}
+
+
+def custom_element(writer: TreeWriter, step: Step) -> Element:
+    """Return the element of a behaviour as a custom node, with its arguments as ports."""
+    if step.leaf is not None:
+        return _custom_leaf(writer, step, step.leaf)
+    if step.kind == FOR_EACH:
+        return _custom_loop(writer, step)
+    ports = dict[str, str]()
+    if step.kind in SWITCHES:
+        on = writer.argument(step, "on")
+        names = ", ".join(flow_text(case) for case, _ in writer.case_entries(step))
+        ports = {"on": on.text if isinstance(on, Scalar) else "", "cases": f"{YAML_PREFIX}[{names}]"}
+    beside = writer.mission.beside(step)
+    for name in writer.settings(step):
+        if (node := beside.get(name)) is not None:
+            ports[name] = port_text(node, is_text=False)
+    role = "Decorator" if step.kind == WAIT_FOR else "Control"
+    return _custom_parent(writer, step, role, ports, writer.children(step), is_named=True)
+
+
+def custom_modifier(writer: TreeWriter, step: Step, child: Element) -> Element:
+    """Return the element of a modifier: a decorator, or a control node if its value is a node."""
+    others = [writer.element(other) for other in step.children[1:]]
+    value = writer.mission.value(step)
+    ports = {"value": _modifier_text(step, value)} if isinstance(value, Scalar) else {}
+    limit = writer.mission.beside(step).get(HALT_LIMIT)
+    if others and limit is not None and step.kind == FINALLY:
+        ports[HALT_LIMIT] = port_text(limit, is_text=False)
+    return _custom_parent(writer, step, "Control" if others else "Decorator", ports, [child, *others])
+
+
+def _custom_parent(
+    writer: TreeWriter,
+    step: Step,
+    role: str,
+    ports: Mapping[str, str],
+    children: list[Element],
+    *,
+    is_named: bool = False,
+) -> Element:
+    word = step.kind
+    id_ = _custom_id(word)
+    model = _model(writer, role, id_, word, BRANCHES[word].help if word in BRANCHES else MODIFIERS[word].help, step)
+    for port in ports:
+        _declare(model, "input_port", port, "std::string", "")
+    return writer.new(id_, step, ports, children, is_named=is_named)
+
+
+def _custom_loop(writer: TreeWriter, step: Step) -> Element:
+    value = writer.mission.value(step)
+    ports = dict[str, str]()
+    for name in ("in", "as", "number"):
+        node = value.get(name) if isinstance(value, Entries) else None
+        if isinstance(node, Scalar) and node.text.isidentifier():
+            ports[name] = f"{{{node.text}}}"
+        elif node is not None:
+            ports[name] = YAML_PREFIX + flow_text(node)
+    return _custom_parent(writer, step, "Decorator", ports, writer.children(step), is_named=True)
+
+
+def _custom_leaf(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> Element:
+    role = "Condition" if leaf.instant and not leaf.drives and not leaf.open_ended else "Action"
+    id_ = _custom_id(leaf.tag)
+    model = _model(writer, role, id_, leaf.tag, _first_line(leaf), step)
+    for argument in leaf.arguments.values():
+        kind = _ARGUMENT_TYPES.get(argument.kind, "std::string")
+        _declare(model, "input_port", _port_name(argument.name), kind, argument.help)
+    if leaf.open_ended:
+        _declare(model, "input_port", "values", "std::string", "values of variables, as YAML")
+    if leaf.output_doc:
+        kind = "std::string" if leaf.output_type is str else "BT::AnyTypeAllowed"
+        _declare(model, "output_port", _result_port(leaf), kind, leaf.output_doc)
+    writer.found.leaves[id_] = None
+    ports = _leaf_ports(writer, step, leaf)
+    if step.output_variable is not None:
+        ports[_result_port(leaf)] = f"{{{step.output_variable}}}"
+    return writer.new(id_, step, ports, is_named=True)
+
+
+def _leaf_ports(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> dict[str, str]:
+    value = writer.mission.value(step)
+    if leaf.open_ended:
+        return {"values": YAML_PREFIX + flow_text(value)}
+    principal = next((each.name for each in leaf.arguments.values() if each.principal), "")
+    is_one = not isinstance(value, Entries) or set(step.arguments_as_written) == {principal} != {*value.keys()}
+    if is_one:
+        entries = {principal: value} if principal in step.arguments_as_written else {}
+    else:
+        entries = {name.text: node for name, node in value.entries} if isinstance(value, Entries) else {}
+    ports = dict[str, str]()
+    for name, node in entries.items():
+        text = port_text(node, is_text=is_text_argument(leaf.arguments.get(name)))
+        ports[_port_name(name)] = text
+        if "${" in text:
+            writer.note(LOST, step, f"the port '{_port_name(name)}' is not calculated there: {text}")
+    return ports
+
+
+def _custom_id(word: str) -> str:
+    id_ = camel_case(word)
+    return f"Mission{id_}" if id_ in KINDS or id_ in OLD_NAMES else id_
+
+
+def _model(writer: TreeWriter, role: str, id_: str, word: str, help_text: str, step: Step) -> Element:
+    """Return the model of a custom node; its word is in the metadata, as those of MoveIt Pro are."""
+    if id_ not in writer.models:
+        metadata = Element("MetadataFields", {}, step.source, 1)
+        entries = {"mission": word, **({"description": help_text} if help_text else {})}
+        metadata.children = [Element("Metadata", {key: text}, step.source, 1) for key, text in entries.items()]
+        writer.models[id_] = Element(role, {"ID": id_}, step.source, 1, children=[metadata])
+    return writer.models[id_]
+
+
+def _declare(model: Element, direction: str, name: str, kind: str, help_text: str) -> None:
+    if all(port.attributes.get("name") != name for port in model.children):
+        port = Element(direction, {"name": name, "type": kind}, model.source, 1, text=" ".join(help_text.split()))
+        model.children.insert(len(model.children) - 1, port)
+
+
+def _modifier_text(step: Step, value: Node) -> str:
+    if MODIFIERS[step.kind].value in ("condition", "expression"):
+        return value.text if isinstance(value, Scalar) else ""
+    return port_text(value, is_text=False)
+
+
+def camel_case(word: str) -> str:
+    """Return a word as the ID of a node: ``find_face`` is FindFace."""
+    return "".join(part[:1].upper() + part[1:] for part in word.split("_"))
+
+
+def _port_name(argument: str) -> str:
+    """Return the port of an argument; the library keeps two names for itself."""
+    return f"{argument}_" if argument in ("name", "ID") else argument
+
+
+def _result_port(leaf: type[Leaf]) -> str:
+    return f"{RESULT}_" if RESULT in leaf.arguments else RESULT
+
+
+def _first_line(leaf: type[Leaf]) -> str:
+    return (leaf.__doc__ or "").strip().split("\n")[0]

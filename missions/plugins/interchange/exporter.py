@@ -1,0 +1,216 @@
+"""Export of a mission: its tree, and those of the missions that it runs, as XML of BehaviorTree.CPP 4.
+
+A step with an equal node there is written as that node. Any other becomes a custom node with the step's own word in
+``TreeNodesModel``, so that an import finds it again, and a line of the report.
+"""
+
+from collections.abc import Collection
+
+from config.diagnostics import SourceText, to_snake_case
+from config.yaml_nodes import Mapping as Entries
+from config.yaml_nodes import Node, Scalar
+from config.yaml_writer import yaml_word
+from missions.language.nodes import MISSION, MODIFIERS
+from missions.language.plan import Plan, Step
+from missions.plugins.interchange.custom_nodes import custom_element, custom_modifier
+from missions.plugins.interchange.foreign_trees import is_pointer
+from missions.plugins.interchange.mission_source import MissionParam, MissionSource, read_mission
+from missions.plugins.interchange.native_nodes import native_element, native_modifier
+from missions.plugins.interchange.node_kinds import (
+    AS,
+    CALCULATED,
+    DEFAULTS,
+    GIVEN,
+    KINDS,
+    MARK,
+    RETURNS,
+    UNSKIPPED,
+)
+from missions.plugins.interchange.report import LOST
+from missions.plugins.interchange.script_writer import (
+    ANY,
+    ENTRY_NAME,
+    FLAG,
+    FRACTION,
+    OTHER,
+    TEXT,
+    WHOLE,
+    NotAScriptError,
+    script_value,
+    value_of,
+)
+from missions.plugins.interchange.tree_writer import CUSTOM, ExportedTree, TreeWriter, can_be_skipped
+from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.xml_writer import xml_text
+from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, port_text
+
+
+def export_mission(plan: Plan) -> ExportedTree:
+    """Return a mission, with all missions that it runs, as one XML file."""
+    return _Exporter().export(plan)
+
+
+class _Exporter:
+    """Collects the trees of all missions of one export, and the models of their nodes."""
+
+    def __init__(self) -> None:
+        self._found = ExportedTree()
+        self._missions: dict[str, MissionSource] = {}
+        self._trees: list[Element] = []
+        self._models: dict[str, Element] = {}
+        self._calls: dict[str, list[Collection[str]]] = {}
+
+    def export(self, plan: Plan) -> ExportedTree:
+        main = self._add_mission(plan.mission, plan.tree, plan.source, is_main=True)
+        root = Element("root", {"BTCPP_format": "4", "main_tree_to_execute": main.id}, plan.source, 1)
+        models = [*self._models.values(), *(self._tree_model(each) for each in self._missions.values())]
+        root.children = [*self._trees, Element("TreeNodesModel", {}, plan.source, 1, children=models)]
+        self._found.text = xml_text(root)
+        return self._found
+
+    def _add_mission(self, name: str, tree: Step, source: SourceText, *, is_main: bool = False) -> MissionSource:
+        if source.name in self._missions:
+            return self._missions[source.name]
+        found = read_mission(self._free_id(name), tree, source, is_main=is_main)
+        self._missions[source.name] = found
+        writer = TreeWriter(found, self._write, self._found, self._models)
+        element = Element("BehaviorTree", {"ID": found.id, MARK: name, **found.header()}, source, 1)
+        first = found.root.entries[0][0].mark.line
+        element.comments = [line.strip().lstrip("# ") for line in found.lines[: first - 1] if line.strip("# \t")]
+        element.children = [_without_skip(writer, tree)]
+        _note_header(writer)
+        self._trees.insert(0 if is_main else len(self._trees), element)
+        return found
+
+    def _free_id(self, name: str) -> str:
+        word = to_snake_case(name)
+        word = "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in word).strip("_") or "mission"
+        taken = {each.id for each in self._missions.values()}
+        wishes = (word, *(f"{word}_{number}" for number in range(2, len(taken) + 3)))
+        return next(wish for wish in wishes if wish not in taken and wish not in KINDS)
+
+    def _write(self, writer: TreeWriter, step: Step) -> Element:
+        """Return the element of a step: an equal node, or else a custom one with a remark."""
+        child = writer.build(step.children[0]) if step.kind in MODIFIERS else None
+        try:
+            if child is not None:
+                element = native_modifier(writer, step, child)
+            else:
+                element = self._submission(writer, step) if step.kind == MISSION else native_element(writer, step)
+            self._found.native += 1
+        except NotAScriptError as reason:
+            self._found.custom += 1
+            if str(reason):
+                writer.note(CUSTOM, step, f"{reason} has no counterpart there")
+            element = custom_element(writer, step) if child is None else custom_modifier(writer, step, child)
+        return element
+
+    def _tree_model(self, mission: MissionSource) -> Element:
+        """Return the model of a tree: its params, with their defaults, are input ports."""
+        model = Element("SubTree", {"ID": mission.id}, mission.source, 1)
+        for name, param in mission.params.items():
+            attributes = {"name": name, "type": _CPP_TYPES.get(param.kind, "std::string")}
+            if isinstance(param.default, Scalar) and param.default.value is not None:
+                attributes["default"] = port_text(param.default, is_text=True)
+            elif not all(name in given for given in self._calls.get(mission.id, [])):
+                continue  # the library would require it of all callers
+            model.children.append(Element("input_port", attributes, mission.source, 1, text=param.help))
+        return model
+
+    def _submission(self, writer: TreeWriter, step: Step) -> Element:
+        tree = step.children[0]
+        inner = self._add_mission(step.text, tree, tree.source)
+        beside = writer.mission.beside(step)
+        attributes = {"ID": inner.id}
+        calculated, script = list[str](), dict[str, str]()
+        given_node, own_returns = beside.get("with"), beside.get("returns")
+        entries = given_node.entries if isinstance(given_node, Entries) else []
+        defaults = {
+            name: param.default
+            for name, param in inner.params.items()
+            if param.kind in (WHOLE, FRACTION, FLAG)
+            and name not in step.arguments_as_written
+            and param.default is not None
+        }
+        for name, node in ({key.text: node for key, node in entries} | defaults).items():
+            try:
+                attributes[name] = _passed(writer, inner, name, node, script)
+            except NotAScriptError:
+                calculated.append(f"{yaml_word(name)}: {flow_text(node)}")
+                writer.note(LOST, step, f"the value of '{name}' is not passed there")
+        declared = own_returns if own_returns is not None else inner.root.get("returns")
+        for key, node in declared.entries if isinstance(declared, Entries) else ():
+            _add_result(writer, step, attributes, key.text, node.text if isinstance(node, Scalar) else "")
+        given = [key.text for key, _ in entries if key.text in attributes]
+        attributes |= {GIVEN: " ".join(given)} if given else {}
+        attributes |= {DEFAULTS: " ".join(defaults)} if defaults else {}
+        attributes |= {CALCULATED: f"{YAML_PREFIX}{{{', '.join(calculated)}}}"} if calculated else {}
+        attributes |= {RETURNS: YAML_PREFIX + flow_text(own_returns)} if own_returns is not None else {}
+        if step.output_variable is not None:
+            attributes[AS] = step.output_variable
+            writer.note(LOST, step, "'as': its results are not stored there")
+        self._calls.setdefault(inner.id, []).append(given)
+        call = writer.new("SubTree", step, attributes, is_named=True)
+        if not script:
+            return call
+        code = "; ".join(f"{name} := {value}" for name, value in script.items())
+        return writer.new("Sequence", step, {MARK: MISSION}, [writer.new("Script", step, {"code": code}), call])
+
+
+def _passed(writer: TreeWriter, inner: MissionSource, name: str, node: Node, script: dict[str, str]) -> str:
+    """Return the port of a param: a text or a pointer. A number or a calculation is set by a script before it.
+
+    A constant of a SubTree is a text there. Raises NotAScriptError.
+    """
+    param = inner.params.get(name, MissionParam(OTHER))
+    text = port_text(node, is_text=param.kind == TEXT)
+    is_constant = "${" not in text and not text.startswith(YAML_PREFIX) and param.kind in (TEXT, OTHER, ANY)
+    if not _can_be_port(name) or not isinstance(node, Scalar):
+        raise NotAScriptError("a list")
+    if is_pointer(text) or (is_constant and isinstance(node.value, str)):
+        return text
+    value = script_value(value_of(node), writer.mission.kinds, param.kind)
+    wishes = (f"{inner.id}_{name}", *(f"{inner.id}_{name}_{number}" for number in range(2, 10_000)))
+    variable = next(each for each in wishes if each not in writer.mission.kinds)
+    writer.mission.kinds[variable] = param.kind
+    script[variable] = value
+    return f"{{{variable}}}"
+
+
+def _add_result(writer: TreeWriter, step: Step, attributes: dict[str, str], outer: str, inner: str) -> None:
+    """Connect a variable of the inner mission to one of the caller, if it is a variable and not calculated."""
+    pointer = f"{{{outer}}}"
+    if step.output_variable is not None:
+        return
+    if not _can_be_port(inner) or attributes.setdefault(inner, pointer) != pointer:
+        writer.note(LOST, step, f"the result '{outer}' is calculated, and not stored there")
+
+
+def _without_skip(writer: TreeWriter, step: Step) -> Element:
+    """Return the root of a tree; a mission that is skipped has succeeded."""
+    element = writer.element(step)
+    if not can_be_skipped(step):
+        return element
+    return writer.new("Sequence", step, {MARK: UNSKIPPED}, [writer.new("AlwaysSuccess", step), element])
+
+
+def _note_header(writer: TreeWriter) -> None:
+    mission = writer.mission
+    for word in ("properties", "if_interrupted"):
+        found = mission.root.get(word)
+        if found is not None:
+            writer.note_at(LOST, mission.source, found.mark.line, word, "only missions have it")
+    params = mission.root.get("params")
+    for key, node in params.entries if isinstance(params, Entries) else ():
+        limits = [word for word in ("low", "high", "choices") if isinstance(node, Entries) and node.get(word)]
+        if limits:
+            text = f"{' and '.join(limits)}: the library does not check it"
+            writer.note_at(LOST, mission.source, key.mark.line, key.text, text)
+
+
+def _can_be_port(name: str) -> bool:
+    """Return whether the library accepts a variable as the port of a tree."""
+    return ENTRY_NAME.fullmatch(name) is not None and not name.startswith("_") and name not in ("ID", "name")
+
+
+_CPP_TYPES = {WHOLE: "int", FRACTION: "double", FLAG: "bool", TEXT: "std::string", ANY: "BT::AnyTypeAllowed"}

@@ -1,0 +1,140 @@
+"""A mission that is exported: its YAML nodes by their places, its params, and the kinds of its variables."""
+
+from dataclasses import dataclass, field
+
+from config.diagnostics import SourceText
+from config.units import parse_quantity
+from config.yaml_nodes import Listing, Node, Scalar, compose
+from config.yaml_nodes import Mapping as Entries
+from missions.language.expressions import Value
+from missions.language.for_each import steps_in_scope
+from missions.language.param_types import NAME_TYPES
+from missions.language.plan import Step
+from missions.plugins.interchange.node_kinds import INTERRUPTED, PARAMS, PROPERTIES, RETURNS, SUMMARY
+from missions.plugins.interchange.script_writer import (
+    ANY,
+    FLAG,
+    FRACTION,
+    OTHER,
+    TEXT,
+    WHOLE,
+    value_of,
+    variable_kinds,
+)
+from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text
+
+
+@dataclass(frozen=True, slots=True)
+class MissionParam:
+    """A param of a mission: the kind of its values in scripts, its default, and its description."""
+
+    kind: str
+    default: Node | None = None
+    help: str = ""
+
+
+@dataclass(slots=True)
+class MissionSource:
+    """A mission that becomes a tree: its root step, ID, source, YAML nodes by their places, and kinds of variables."""
+
+    id: str
+    tree: Step
+    source: SourceText
+    root: Entries
+    is_main: bool
+    kinds: dict[str, str] = field(default_factory=dict)
+    params: dict[str, "MissionParam"] = field(default_factory=dict)
+    nodes: dict[tuple[int, int], tuple[Entries, Node]] = field(default_factory=dict)
+    lines: list[str] = field(default_factory=list)
+
+    def beside(self, step: Step) -> Entries:
+        """Return the keys of the YAML node of a step, empty for a word alone."""
+        found = self.nodes.get((step.mark.line, step.mark.column))
+        return Entries(step.mark) if found is None else found[0]
+
+    def value(self, step: Step) -> Node:
+        """Return the YAML value behind the word of a step."""
+        found = self.nodes.get((step.mark.line, step.mark.column))
+        return Scalar(step.mark, "", None) if found is None else found[1]
+
+    def assigned(self, step: Step) -> dict[str, Value]:
+        """Return the written values of a step that sets variables."""
+        value = self.value(step)
+        entries = value.entries if isinstance(value, Entries) else []
+        return {name.text: value_of(node) for name, node in entries}
+
+    def comments(self, step: Step) -> list[str]:
+        """Return the comments on the lines above a step, each once."""
+        entries = self.beside(step).entries
+        number = (entries[0][0].mark if entries else step.mark).line - 1
+        found = list[str]()
+        while number > 0 and (line := self.lines[number - 1].strip()).startswith("#"):
+            found.insert(0, line.lstrip("# ").rstrip())
+            self.lines[number - 1] = ""
+            number -= 1
+        return [line for line in found if line]
+
+    def header(self) -> dict[str, str]:
+        """Return the keys of the mission, other than its name and its tree, as attributes."""
+        found = {}
+        keys = {"summary": SUMMARY, "params": PARAMS, "returns": RETURNS, "properties": PROPERTIES}
+        for key, attribute in {**keys, "if_interrupted": INTERRUPTED}.items():
+            node = self.root.get(key)
+            if node is not None:
+                found[attribute] = node.text if isinstance(node, Scalar) else YAML_PREFIX + flow_text(node)
+        return found
+
+
+def read_mission(id_: str, tree: Step, source: SourceText, *, is_main: bool) -> MissionSource:
+    """Return a mission from the file of its plan."""
+    root = compose(source, [])
+    keys = root if isinstance(root, Entries) else Entries(root.mark)
+    found = MissionSource(id_, tree, source, keys, is_main, lines=source.text.splitlines())
+    _index(keys, found.nodes)
+    params = keys.get("params")
+    found.params = {key.text: _param(node) for key, node in params.entries} if isinstance(params, Entries) else {}
+    kinds = {name: param.kind for name, param in found.params.items()}
+    found.kinds = variable_kinds(steps_in_scope(tree), kinds, found.assigned)
+    return found
+
+
+def _index(node: Node, found: dict[tuple[int, int], tuple[Entries, Node]]) -> None:
+    if isinstance(node, Entries):
+        for name, value in node.entries:
+            found[name.mark.line, name.mark.column] = node, value
+            _index(value, found)
+    elif isinstance(node, Listing):
+        for item in node.items:
+            _index(item, found)
+
+
+_PARAM_KINDS = {
+    "number": FRACTION,
+    "count": WHOLE,
+    "flag": FLAG,
+    "value": ANY,
+    **dict.fromkeys(("text", "choice", *NAME_TYPES), TEXT),
+}
+
+
+def _param(node: Node) -> MissionParam:
+    if not isinstance(node, Entries):
+        return MissionParam(_param_kind(node), node)
+    help_node = node.get("help")
+    return MissionParam(_param_kind(node), node.get("default"), help_node.text if isinstance(help_node, Scalar) else "")
+
+
+def _param_kind(node: Node) -> str:
+    """Return the kind of a param in scripts."""
+    if isinstance(node, Entries):
+        kind, default = node.get("type"), node.get("default")
+        if isinstance(kind, Scalar):
+            return _PARAM_KINDS.get(kind.text, OTHER)
+        return _param_kind(default) if default is not None else OTHER
+    if not isinstance(node, Scalar) or node.value is None:
+        return OTHER
+    if isinstance(node.value, bool):
+        return FLAG
+    if isinstance(node.value, int | float):
+        return FRACTION
+    return OTHER if parse_quantity(node.text) is not None and not node.quoted else TEXT

@@ -1,0 +1,402 @@
+"""Elements that `mission show` wrote, as the steps of missions from which they were made.
+
+An element is one of them if it has the attribute ``MARK``, or if the model of its node names a word of missions.
+"""
+
+from collections.abc import Callable, Mapping
+
+from config.yaml_nodes import Listing, Scalar
+from config.yaml_writer import yaml_word
+from missions.language.nodes import (
+    COMPOSITES,
+    FOR_EACH,
+    HALT_LIMIT,
+    MISSION,
+    MODIFIERS,
+    RECOVER,
+    RETRY,
+    SWITCHES,
+    WAIT_FOR,
+)
+from missions.plugins.interchange import leaves
+from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, is_pointer, normal_form
+from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, Verbatim, wrapped
+from missions.plugins.interchange.node_kinds import (
+    AS,
+    CALCULATED,
+    CASES,
+    COMMON_ATTRIBUTES,
+    DEFAULTS,
+    FILLER,
+    GIVEN,
+    INTERRUPTED,
+    MARK,
+    PARAMS,
+    PROPERTIES,
+    REASON,
+    RESULT,
+    RETURNS,
+    SUMMARY,
+    UNSKIPPED,
+)
+from missions.plugins.interchange.port_directions import model_of
+from missions.plugins.interchange.report import LOST, STUB
+from missions.plugins.interchange.scripts import TEXT
+from missions.plugins.interchange.stub_leaves import kind_of_port
+from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import (
+    YAML_PREFIX,
+    flow_text,
+    is_text_argument,
+    port_value,
+    read_entries,
+    read_flow,
+)
+
+MAX_CASE_LENGTH = 200
+
+
+def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    """Return the step from which an element was made; None if it is not one of ours, or no longer in its form."""
+    mark = element.attributes.get(MARK, "")
+    if mark:
+        writer = _MARKED.get(mark)
+        step = None if writer is None else writer(tree, element, skip_as)
+        return None if step is None else _with_name(step, element)
+    if REASON in element.attributes:
+        return _with_name(MissionStep("fail", Verbatim(_value(tree, element, REASON, is_text=True))), element)
+    kind, role = normal_form(element, tree.project)
+    word = _word_of(tree.project, kind)
+    if not word:
+        return None
+    children = [tree.node(child, skip_in(word), word) for child in element.children]
+    step = _custom(tree, element, word, children) if children else _leaf(tree, element, kind, role, word)
+    return None if step is None else _with_name(step, element)
+
+
+def _word_of(project: ForeignProject, kind: str) -> str:
+    model = project.models.get(kind)
+    return "" if model is None else model.word
+
+
+def _with_name(step: MissionStep, element: Element) -> MissionStep:
+    name = element.attributes.get("name", "").strip()
+    if name and "name" not in step.keys:
+        step.keys = {"name": name, **step.keys}
+    return step
+
+
+def _value(tree: TreeContext, element: Element, port: str, *, is_text: bool = False) -> str:
+    """Return the value of a port as YAML."""
+    text = element.attributes[port]
+    try:
+        return port_value(text, is_text=is_text)
+    except ValueError as error:
+        tree.report.add(LOST, element, f"the port '{port}': {error}")
+        return port_value(text.removeprefix(YAML_PREFIX), is_text=True)
+
+
+# Elements with a mark.
+
+
+def _pair(word: str) -> Callable[[TreeContext, Element, SkipAs], MissionStep | None]:
+    """Return the translation of a condition, or a Sleep, with a node behind it."""
+
+    def translate(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+        if len(element.children) != 2:
+            return None
+        first, second = element.children
+        if word == "for":
+            return wrapped(tree.node(second, skip_as, word), word, leaves.sleep(tree, first).value)
+        condition = tree.condition(first, first.attributes.get("code", ""))
+        if condition is None:
+            return None
+        child = tree.node(second, skip_as, word)
+        return wrapped(child, word, PlainExpression(condition.text), reads=tree.variables_of(condition))
+
+    return translate
+
+
+def _race(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep:
+    del skip_as
+    return MissionStep("race", tree.children(element, "success"))
+
+
+def _parallel(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep:
+    del skip_as
+    step = MissionStep("parallel", tree.children(element, "success"))
+    if "max_failures" in element.attributes:
+        step.keys["wait_for_all"] = True
+    for key in ("success_count", "failure_count"):
+        text = element.attributes.get(f"_{key}", element.attributes.get(key, ""))
+        if text:
+            step.keys[key] = Verbatim("all" if text == "-1" else text)
+    return step
+
+
+def _rounds(word: str, port: str) -> Callable[[TreeContext, Element, SkipAs], MissionStep | None]:
+    def translate(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+        if len(element.children) != 1 or port not in element.attributes:
+            return None
+        text = element.attributes[port].strip()
+        child = tree.node(element.children[0], skip_as, word)
+        count = "forever" if text.startswith("-") else _value(tree, element, port)
+        return wrapped(child, word, Verbatim(count))
+
+    return translate
+
+
+def _wait_for(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    del skip_as
+    if len(element.children) != 1:
+        return None
+    return MissionStep(WAIT_FOR, tree.node(element.children[0], "running", WAIT_FOR))
+
+
+def _wait_until(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    del skip_as
+    code = element.children[0].attributes.get("code", "") if len(element.children) == 1 else ""
+    condition = tree.condition(element, code) if code else None
+    if condition is None:
+        return None
+    return MissionStep("wait_until", PlainExpression(condition.text), reads=tree.variables_of(condition))
+
+
+def _set(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    del skip_as
+    values = dict[str, object]()
+    reads = tuple[str, ...]()
+    for child in element.children:
+        step = tree.node(child, "success", "set")
+        if step.word != "set" or not isinstance(step.value, dict):
+            return None
+        values |= step.value
+        reads += step.reads
+    return MissionStep("set", values, reads=reads, sets=tuple(values))
+
+
+def _switch(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    del skip_as
+    word, children = element.attributes[MARK], list(element.children)
+    cases = dict[str, object]()
+    value: dict[str, object] = {"on": None, "cases": cases}
+    on: str | None
+    reads: tuple[str, ...] = ()
+    if "variable" in element.attributes:
+        on = tree.variable(element.attributes["variable"].strip("{} "))
+        names = [element.attributes.get(f"case_{number}") for number in range(1, len(children))] + ["default"]
+        reads = (on,)
+    else:
+        if len(children) < 2:
+            return None
+        condition = tree.condition(children[0], children[0].attributes.get("code", ""))
+        on = None if condition is None else condition.text
+        reads = () if condition is None else tree.variables_of(condition)
+        children = children[1:]
+        names = _case_names(element)
+    if on is None or len(names) != len(children) or not all(map(_can_be_case, names)):
+        return None
+    for name, child in zip(names, children, strict=True):
+        if child.attributes.get(MARK) == FILLER:
+            continue
+        step = tree.node(child, "success", word)
+        if name == "default" and child is children[-1]:
+            value["default"] = step
+        elif name == "default":
+            value |= {"default": step}
+        else:
+            cases[str(name)] = step
+    value["on"] = PlainExpression(on)
+    return MissionStep(word, value, reads=reads)
+
+
+def _can_be_case(name: str | None) -> bool:
+    """Return whether a text can be the key of a case: YAML limits the length of keys."""
+    return name is not None and len(name) <= MAX_CASE_LENGTH
+
+
+def _case_names(element: Element) -> list[str | None]:
+    """Return the cases of a custom choice, or of one on a condition."""
+    try:
+        found = read_flow(element.attributes.get(CASES, element.attributes.get("cases", "")))
+    except ValueError:
+        return []
+    return [each.text for each in found.items if isinstance(each, Scalar)] if isinstance(found, Listing) else []
+
+
+def _prepared_call(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    """Return the call of a mission for which a script sets variables to the values of params."""
+    if len(element.children) != 2:
+        return None
+    script = tree.script(element, element.children[0].attributes.get("code", ""))
+    step = tree.node(element.children[1], skip_as, "")
+    given = step.keys.get("with", {})
+    if script is None or step.word != MISSION or not isinstance(given, dict):
+        return None
+    values = {each.entry: assigned_value(each.formula, None) for each in script.assignments}
+    for port, text in element.children[1].attributes.items():
+        if port in given and is_pointer(text) and text.strip("{} ") in values:
+            given[port] = values[text.strip("{} ")]
+    return step
+
+
+def _unskipped(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    return tree.node(element.children[1], skip_as, "") if len(element.children) == 2 else None
+
+
+_MARKED: Mapping[str, Callable[[TreeContext, Element, SkipAs], MissionStep | None]] = {
+    **{word: _pair(word) for word in ("while", "until", "for")},
+    "retry": _rounds("retry", "num_attempts"),
+    "repeat": _rounds("repeat", "num_cycles"),
+    "race": _race,
+    "parallel": _parallel,
+    WAIT_FOR: _wait_for,
+    "wait_until": _wait_until,
+    "set": _set,
+    **dict.fromkeys(SWITCHES, _switch),
+    MISSION: _prepared_call,
+    UNSKIPPED: _unskipped,
+}
+
+
+# Custom nodes.
+
+
+def _custom(tree: TreeContext, element: Element, word: str, children: list[MissionStep]) -> MissionStep | None:
+    if word in MODIFIERS:
+        return _custom_modifier(tree, element, word, children)
+    if word in SWITCHES:
+        names = [str(name) for name in _case_names(element)]
+        value: dict[str, object] = {
+            "on": PlainExpression(element.attributes.get("on", "")),
+            "cases": dict(zip(names, children, strict=False)),
+        }
+        if len(children) > len(names):
+            value["default"] = children[-1]
+        return MissionStep(word, value) if names and all(map(_can_be_case, names)) else None
+    if word == FOR_EACH:
+        return _custom_loop(tree, element, children[0])
+    if word == WAIT_FOR:
+        return MissionStep(word, children[0])
+    if word not in COMPOSITES:
+        return None
+    ports = [name for name in element.attributes if name not in COMMON_ATTRIBUTES]
+    return MissionStep(word, children, {name: Verbatim(_value(tree, element, name)) for name in ports})
+
+
+def _custom_modifier(tree: TreeContext, element: Element, word: str, children: list[MissionStep]) -> MissionStep | None:
+    step, *others = children
+    if others:
+        key = RECOVER if word == RETRY else word
+        step = MissionStep("sequence", [step]) if key in step.keys or word in step.keys else step
+    if "value" in element.attributes:
+        is_expression = MODIFIERS[word].value in ("condition", "expression")
+        value = Verbatim(_value(tree, element, "value"))
+        step = wrapped(step, word, PlainExpression(element.attributes["value"]) if is_expression else value)
+    elif not others:
+        return None
+    if others:
+        step.keys[key] = others[0]
+        if HALT_LIMIT in element.attributes:
+            step.keys[HALT_LIMIT] = Verbatim(_value(tree, element, HALT_LIMIT))
+    return step
+
+
+def _custom_loop(tree: TreeContext, element: Element, child: MissionStep) -> MissionStep:
+    fields = dict[str, object]()
+    for name in ("in", "as", "number"):
+        text = element.attributes.get(name, "").strip()
+        if is_pointer(text):
+            fields[name] = text.strip("{} ")
+        elif text:
+            fields[name] = Verbatim(_value(tree, element, name))
+    fields["do"] = child
+    return MissionStep(FOR_EACH, fields)
+
+
+def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) -> MissionStep:
+    """Return a leaf of missions; a stub if it is none of those that are loaded."""
+    leaf = tree.leaves.get(word)
+    model = model_of(tree.project, kind, tree.rules)
+    declared = {} if leaf is None else leaf.arguments
+    step = MissionStep(word)
+    stub = None
+    if leaf is None:
+        stub = tree.stubs.stub(kind, role or model.role or "Action", word)
+        stub.uses += 1
+        step.word = stub.tag
+        tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'", kind)
+    if leaf is not None and leaf.open_ended:
+        entries = read_entries(element.attributes.get("values", ""))
+        step.value = {name: Verbatim(flow_text(node)) for name, node in entries.items()}
+        step.sets = tuple(entries)
+        return step
+    arguments = dict[str, object]()
+    for port, text in element.attributes.items():
+        if port in COMMON_ATTRIBUTES or port.startswith("_"):
+            continue
+        found = model.port(port)
+        if found.direction == "out" or (port.rstrip("_") == RESULT and port not in declared):
+            step.keys["as"] = text.strip("{} ")
+            step.sets = (str(step.keys["as"]),)
+            continue
+        name = port.removesuffix("_") if port in ("name_", "ID_") else port
+        is_text = is_text_argument(declared[name]) if name in declared else kind_of_port(found) == TEXT
+        arguments[name] = Verbatim(_value(tree, element, port, is_text=is_text))
+        if stub is not None:
+            stub.note_argument(name, found, None if is_pointer(text) else kind_of_port(found))
+    principal = next((name for name, each in declared.items() if each.principal), "")
+    step.value = arguments[principal] if set(arguments) == {principal} else arguments or None
+    return step
+
+
+# Missions.
+
+
+def translate_call(tree: TreeContext, element: Element, inner: SourceTree, name: str) -> MissionStep | None:
+    """Return the step of a SubTree that runs one of our missions; None for another tree."""
+    if MARK not in inner.element.attributes:
+        return None
+    returns, calculated = (read_entries(element.attributes.get(key, "")) for key in (RETURNS, CALCULATED))
+    given_names, defaults = (element.attributes.get(key, "").split() for key in (GIVEN, DEFAULTS))
+    results = returns or read_entries(inner.element.attributes.get(RETURNS, ""))
+    returned = {node.text for node in results.values() if isinstance(node, Scalar)}
+    given: dict[str, object] = {}
+    for port, text in element.attributes.items():
+        is_result = port in returned and is_pointer(text) and text.strip("{} ") in results
+        if port in COMMON_ATTRIBUTES or port.startswith("_") or (is_result and port not in given_names):
+            continue
+        if port in defaults:
+            continue
+        given[port] = Verbatim(_value(tree, element, port))
+    given |= {key: Verbatim(flow_text(node)) for key, node in calculated.items()}
+    step = MissionStep(MISSION, name)
+    if given:
+        step.keys["with"] = given
+    if returns:
+        step.keys["returns"] = {key: Verbatim(flow_text(node)) for key, node in returns.items()}
+    if AS in element.attributes:
+        step.keys["as"] = element.attributes[AS]
+    return _with_name(step, element)
+
+
+def header_of(tree: SourceTree) -> Mapping[str, str] | None:
+    """Return the keys of a mission beside its tree, as YAML; None for a tree that is not one of ours."""
+    attributes = tree.element.attributes
+    if MARK not in attributes:
+        return None
+    found = {"mission": f" {yaml_word(attributes[MARK])}"}
+    for attribute, key in ((SUMMARY, "summary"), (INTERRUPTED, "if_interrupted")):
+        if attribute in attributes:
+            found[key] = f" {yaml_word(attributes[attribute])}"
+    for attribute, key in ((PARAMS, "params"), (RETURNS, "returns")):
+        if entries := read_entries(attributes.get(attribute, "")):
+            found[key] = "".join(f"\n  {yaml_word(name)}: {flow_text(node)}" for name, node in entries.items())
+    try:
+        properties = read_flow(attributes.get(PROPERTIES, ""))
+    except ValueError:
+        return found
+    if isinstance(properties, Listing):
+        found["properties"] = "".join(f"\n  - {flow_text(each)}" for each in properties.items)
+    return found

@@ -1,0 +1,134 @@
+"""Writer of the elements of exported trees: their names, comments and remarks, and the dispatch of their steps."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from config.diagnostics import SourceText
+from config.yaml_nodes import Mapping as Entries
+from config.yaml_nodes import Node, Scalar
+from missions.language.nodes import COMPOSITES, MISSION, MODIFIER_KEYS, MODIFIERS
+from missions.language.plan import Step
+from missions.plugins.interchange.mission_source import MissionSource
+from missions.plugins.interchange.report import DIFFERS, LOST, Remark
+from missions.plugins.interchange.script_writer import NotAScriptError
+from missions.plugins.interchange.xml_reader import Element
+
+CUSTOM = "custom"
+LEAVES = "Actions and conditions, for which BehaviorTree.CPP needs classes of yours"
+EXPLANATIONS = {
+    LOST: "Not carried over; an import finds it again",
+    CUSTOM: "Custom nodes, for which BehaviorTree.CPP needs a class of yours",
+    DIFFERS: "Carried over with a difference",
+}
+
+
+@dataclass(slots=True)
+class ExportedTree:
+    """Text of an XML file, and remarks on everything in it that BehaviorTree.CPP does not have by itself.
+
+    ``leaves`` are the IDs of custom actions and conditions. ``native`` and ``custom`` count steps.
+    """
+
+    text: str = ""
+    remarks: dict[Remark, None] = field(default_factory=dict)
+    leaves: dict[str, None] = field(default_factory=dict)
+    native: int = 0
+    custom: int = 0
+
+    def lines(self) -> list[str]:
+        """Return the remarks as text, by their kinds."""
+        found = []
+        if self.leaves:
+            found += [f"{LEAVES}: {', '.join(self.leaves)}"]
+        for kind, explanation in EXPLANATIONS.items():
+            remarks = [remark for remark in self.remarks if remark.kind == kind]
+            found += [f"{explanation}:", *(f"  {remark}" for remark in remarks)] if remarks else []
+        return found
+
+
+class TreeWriter:
+    """Writes the elements of the steps of one mission; ``write`` translates a step with all steps below it.
+
+    ``found`` holds the remarks, and ``models`` the models of custom nodes by their IDs; all missions share them.
+    """
+
+    def __init__(
+        self,
+        mission: MissionSource,
+        write: Callable[["TreeWriter", Step], Element],
+        found: ExportedTree,
+        models: dict[str, Element],
+    ) -> None:
+        self.mission, self.found, self.models = mission, found, models
+        self._write = write
+
+    def element(self, step: Step) -> Element:
+        """Return the element of a step with all modifiers around it."""
+        behaviour = step
+        while behaviour.kind in MODIFIERS:
+            behaviour = behaviour.children[0]
+        comments = self.mission.comments(behaviour)
+        element = self.build(step)
+        element.comments = [*comments, *element.comments]
+        return element
+
+    def build(self, step: Step) -> Element:
+        """Return the element of a step without its comments."""
+        return self._write(self, step)
+
+    def children(self, step: Step) -> list[Element]:
+        return [self.element(child) for child in step.children]
+
+    def new(
+        self,
+        tag: str,
+        step: Step,
+        attributes: Mapping[str, str] | None = None,
+        children: Collection[Element] = (),
+        *,
+        is_named: bool = False,
+    ) -> Element:
+        """Return an element at the place of a step, with the step's name if ``is_named``."""
+        found = dict(attributes or {})
+        name = self.mission.beside(step).get("name") if is_named else None
+        if isinstance(name, Scalar):
+            found = {**({"ID": found.pop("ID")} if "ID" in found else {}), "name": name.text, **found}
+        return Element(tag, found, step.source, step.mark.line, children=list(children))
+
+    def settings(self, step: Step) -> list[str]:
+        """Return the keys beside a composite that are neither modifiers nor its name."""
+        others = (step.kind, "name", *MODIFIERS, *MODIFIER_KEYS)
+        return [name for name in self.mission.beside(step).keys() if name not in others]  # noqa: SIM118 - no dict
+
+    def argument(self, step: Step, name: str) -> Node:
+        """Return the YAML node of a principal argument."""
+        value = self.mission.value(step)
+        inner = value.get(name) if isinstance(value, Entries) else None
+        return value if inner is None else inner
+
+    def case_entries(self, step: Step) -> list[tuple[Scalar, Node]]:
+        value = self.mission.value(step)
+        cases = value.get("cases") if isinstance(value, Entries) else None
+        return cases.entries if isinstance(cases, Entries) else []
+
+    def require_unskipped(self, step: Step) -> None:
+        if can_be_skipped(step.children[0]):
+            raise NotAScriptError(f"'{step.kind}' around a skipped node")
+
+    def note(self, kind: str, step: Step, text: str) -> None:
+        self.note_at(kind, step.source, step.mark.line, step.kind, text)
+
+    def note_at(self, kind: str, source: SourceText, line: int, subject: str, text: str) -> None:
+        self.found.remarks[Remark(kind, f"{Path(source.name).name}:{line}", subject, text)] = None
+
+
+def can_be_skipped(step: Step) -> bool:
+    """Return whether a step may end as skipped; a mission never does."""
+    if step.kind == "if":
+        return True
+    if step.leaf is not None or step.kind == MISSION:
+        return False
+    if step.kind in COMPOSITES:
+        return all(map(can_be_skipped, step.children))
+    return any(map(can_be_skipped, step.children if step.kind not in MODIFIERS else step.children[:1]))
