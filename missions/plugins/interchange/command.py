@@ -1,20 +1,23 @@
 """``mission import``: missions from behaviour trees of other programs."""
 
 import shlex
+from collections.abc import Mapping
 from pathlib import Path
 
 import click
 
+from behaviours.leaf import Leaf
 from config.file_io import save_file
 from missions.cli.option_declarations import behaviours_option
 from missions.cli.outputs import check_folder, report_write_errors
 from missions.library.vocabulary import load_leaves
-from missions.plugins.interchange.importer import ImportedProject, import_trees
-from missions.plugins.interchange.leaf_rules import read_rules
+from missions.plugins.interchange.importer import ImportedProject, import_python_tree, import_trees
+from missions.plugins.interchange.leaf_rules import LeafRule, read_rules
+from missions.plugins.interchange.python_trees import TARGET, PythonTreeError
 
 
 @click.command("import", epilog="Example: mission import patrol.xml -o patrol")
-@click.argument("path", metavar="FILE.xml|FOLDER", type=click.Path(path_type=Path, exists=True))
+@click.argument("source", metavar="FILE.xml|FOLDER|MODULE:FUNCTION")
 @click.option(
     "-o",
     "--output",
@@ -32,7 +35,7 @@ from missions.plugins.interchange.leaf_rules import read_rules
 )
 @click.option("--force", is_flag=True, help="Replace existing files.")
 @behaviours_option
-def command(path: Path, output: Path, table: Path | None, files: tuple[Path, ...], *, force: bool) -> None:
+def command(source: str, output: Path, table: Path | None, files: tuple[Path, ...], *, force: bool) -> None:
     """Make missions of behaviour trees: XML of BehaviorTree.CPP 3 and 4, Nav2 and py_trees.
 
     Each tree becomes a mission, and each subtree a mission that others run. Ports become params and results, entries of
@@ -40,11 +43,12 @@ def command(path: Path, output: Path, table: Path | None, files: tuple[Path, ...
     can be checked, shown and mocked, and refuse to run until you write them. FOLDER/IMPORTED.md lists everything that
     is not as in the original. Nothing in the file is executed.
 
-    For trees that run each other, import their folder.
+    For trees that run each other, import their folder. MODULE:FUNCTION is a function that returns a tree of py_trees,
+    such as robot.trees:patrol or trees.py:patrol. Only then is a module imported, and its function called.
     """
     check_folder(output, "-o", f"-o {shlex.quote(str(output.with_suffix('')))}")
     leaves = load_leaves(files)
-    imported = import_trees(path, leaves, None if table is None else read_rules(table, leaves))
+    imported = _import(source, leaves, None if table is None else read_rules(table, leaves))
     _check_output(output, imported, force=force)
     with report_write_errors(output, "-o"):
         for name, text in imported.files.items():
@@ -55,6 +59,21 @@ def command(path: Path, output: Path, table: Path | None, files: tuple[Path, ...
         click.echo(line)
     click.echo(f"wrote {_counted(imported)} to {output}")
     click.echo(f"  next: mission check {shlex.quote(str(output))}")
+
+
+def _import(source: str, leaves: Mapping[str, type[Leaf]], rules: dict[str, LeafRule] | None) -> ImportedProject:
+    """Import XML files or a Python tree. Raises click.BadParameter if there is no such thing."""
+    path = Path(source)
+    if path.exists():
+        return import_trees(path, leaves, rules)
+    if TARGET.fullmatch(source) is None:
+        hint = "try: a file, a folder, or MODULE:FUNCTION for a tree of py_trees"
+        raise click.BadParameter(f"'{source}' does not exist\n  {hint}", param_hint="SOURCE")
+    try:
+        return import_python_tree(source, leaves, rules)
+    except PythonTreeError as error:
+        hint = "try: MODULE:FUNCTION or FILE.py:FUNCTION, where FUNCTION returns the root of a tree of py_trees"
+        raise click.BadParameter(f"'{source}' cannot be read: {error}\n  {hint}", param_hint="SOURCE") from error
 
 
 def _counted(imported: ImportedProject) -> str:

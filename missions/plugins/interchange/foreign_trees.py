@@ -198,6 +198,16 @@ def _read_file(project: ForeignProject, path: Path, report: ImportReport, chain:
     return file
 
 
+def project_of(root: Element, path: Path, report: ImportReport) -> ForeignProject:
+    """Return a project with one file, whose elements are known already; nothing is read."""
+    project = ForeignProject(path.parent)
+    file = TreeFile(path, root, _version(root))
+    _read_elements(project, file, report)
+    file.visible = dict(file.trees)
+    project.files[path] = file
+    return project
+
+
 def _read_elements(project: ForeignProject, file: TreeFile, report: ImportReport) -> None:
     """Add the trees of a file to ``file`` and its node declarations to the project, and mark the main tree."""
     named_main = file.root.attributes.get("main_tree_to_execute", "")

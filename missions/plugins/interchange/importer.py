@@ -22,6 +22,7 @@ from missions.plugins.interchange.foreign_trees import (
     GENERIC_TREE_NAMES,
     ForeignProject,
     is_pointer,
+    project_of,
     read_project,
 )
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
@@ -29,6 +30,7 @@ from missions.plugins.interchange.mission_text import MissionStep, mission_text
 from missions.plugins.interchange.node_kinds import PARAMS, RETURNS
 from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
+from missions.plugins.interchange.python_trees import load_tree, tree_element
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import TranslatedTree, translate_tree
@@ -62,6 +64,30 @@ def import_trees(
     """
     imported = ImportedProject()
     project = read_project(path, imported.report)
+    return import_project(imported, project, path, leaves, rules)
+
+
+def import_python_tree(
+    target: str, leaves: Mapping[str, type[Leaf]], rules: Mapping[str, LeafRule] | None = None
+) -> ImportedProject:
+    """Return the mission of a tree of py_trees that a function builds: ``module:function`` or ``file.py:function``.
+
+    The module is imported, and the function is called. Raises PythonTreeError.
+    """
+    imported = ImportedProject()
+    root = tree_element(load_tree(target), target, imported.report)
+    path = Path(f"{target.rpartition(':')[2]}.py")
+    return import_project(imported, project_of(root, path, imported.report), path, leaves, rules)
+
+
+def import_project(
+    imported: ImportedProject,
+    project: ForeignProject,
+    path: Path,
+    leaves: Mapping[str, type[Leaf]],
+    rules: Mapping[str, LeafRule] | None,
+) -> ImportedProject:
+    """Add the missions of a project to the result of an import; ``path`` names the file of its stubs."""
     names = _mission_names(project, single=not path.is_dir())
     kinds = EntryKinds(project)
     table = {**LEAF_RULES, **(rules or {})}
