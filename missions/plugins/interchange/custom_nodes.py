@@ -1,4 +1,4 @@
-"""Steps of missions without an equal node in BehaviorTree.CPP, as custom nodes with a model."""
+"""Export of steps without an equal node in BehaviorTree.CPP, as custom nodes with a declaration in the file."""
 
 from collections.abc import Mapping
 
@@ -17,7 +17,7 @@ _ARGUMENT_TYPES = {"number": "double", "count": "int", "flag": "bool", "value": 
 
 
 def custom_element(writer: TreeWriter, step: Step) -> Element:
-    """Return the element of a behaviour as a custom node, with its arguments as ports."""
+    """Return the XML element of a step, but no modifier, as a custom node; its ports are the step's arguments."""
     if step.leaf is not None:
         return _custom_leaf(writer, step, step.leaf)
     if step.kind == FOR_EACH:
@@ -36,7 +36,10 @@ def custom_element(writer: TreeWriter, step: Step) -> Element:
 
 
 def custom_modifier(writer: TreeWriter, step: Step, child: Element) -> Element:
-    """Return the element of a modifier: a decorator, or a control node if its value is a node."""
+    """Return the XML element of a modifier as a custom node around ``child``, the element of the modified node.
+
+    It is a decorator; for ``recover`` and ``finally``, which have a second child, a control node.
+    """
     others = [writer.element(other) for other in step.children[1:]]
     value = writer.mission.value(step)
     ports = {"value": _modifier_text(step, value)} if isinstance(value, Scalar) else {}
@@ -119,7 +122,10 @@ def _custom_id(word: str) -> str:
 
 
 def _model(writer: TreeWriter, role: str, id_: str, word: str, help_text: str, step: Step) -> Element:
-    """Return the model of a custom node; its word is in the metadata, as those of MoveIt Pro are."""
+    """Return the declaration of the custom node ``id_`` in ``TreeNodesModel``, which is made at the first use.
+
+    Its metadata, in the form of MoveIt Pro, has the step's word, by which an import finds the step again.
+    """
     if id_ not in writer.models:
         metadata = Element("MetadataFields", {}, step.source, 1)
         entries = {"mission": word, **({"description": help_text} if help_text else {})}
@@ -141,12 +147,12 @@ def _modifier_text(step: Step, value: Node) -> str:
 
 
 def camel_case(word: str) -> str:
-    """Return a word as the ID of a node: ``find_face`` is FindFace."""
+    """Return a word of missions in camel case, as the ID of a node: FindFace for ``find_face``."""
     return "".join(part[:1].upper() + part[1:] for part in word.split("_"))
 
 
 def _port_name(argument: str) -> str:
-    """Return the port of an argument; the library keeps two names for itself."""
+    """Return the port for an argument; ``name`` and ``ID``, which BehaviorTree.CPP reserves, get a suffix."""
     return f"{argument}_" if argument in ("name", "ID") else argument
 
 

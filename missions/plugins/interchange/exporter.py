@@ -1,7 +1,8 @@
-"""Export of a mission: its tree, and those of the missions that it runs, as XML of BehaviorTree.CPP 4.
+"""Export of a mission, and of the missions that it runs, as one XML file of BehaviorTree.CPP 4.
 
-A step with an equal node there is written as that node. Any other becomes a custom node with the step's own word in
-``TreeNodesModel``, so that an import finds it again, and a line of the report.
+A step becomes the node of BehaviorTree.CPP that has the same meaning. Without such a node, it becomes a custom node,
+and a remark of the report. The declaration of the custom node in ``TreeNodesModel`` has the word of the step, so that
+an import finds the step again.
 """
 
 from collections.abc import Collection
@@ -46,12 +47,12 @@ from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, port
 
 
 def export_mission(plan: Plan) -> ExportedTree:
-    """Return a mission, with all missions that it runs, as one XML file."""
+    """Return the XML file for a mission and all missions that it runs, with the remarks of the export."""
     return _Exporter().export(plan)
 
 
 class _Exporter:
-    """Collects the trees of all missions of one export, and the models of their nodes."""
+    """Collects the trees of all missions of one export, and the declarations of their custom nodes."""
 
     def __init__(self) -> None:
         self._found = ExportedTree()
@@ -90,7 +91,7 @@ class _Exporter:
         return next(wish for wish in wishes if wish not in taken and wish not in KINDS)
 
     def _write(self, writer: TreeWriter, step: Step) -> Element:
-        """Return the element of a step: an equal node, or else a custom one with a remark."""
+        """Return the XML element of a step: the node with the same meaning, otherwise a custom node and a remark."""
         child = writer.build(step.children[0]) if step.kind in MODIFIERS else None
         try:
             if child is not None:
@@ -106,7 +107,7 @@ class _Exporter:
         return element
 
     def _tree_model(self, mission: MissionSource) -> Element:
-        """Return the model of a tree: its params, with their defaults, are input ports."""
+        """Return the declaration of a mission's tree in ``TreeNodesModel``: its params are input ports."""
         model = Element("SubTree", {"ID": mission.id}, mission.source, 1)
         for name, param in mission.params.items():
             attributes = {"name": name, "type": _CPP_TYPES.get(param.kind, "std::string")}
@@ -158,9 +159,11 @@ class _Exporter:
 
 
 def _passed(writer: TreeWriter, inner: MissionSource, name: str, node: Node, script: dict[str, str]) -> str:
-    """Return the port of a param: a text or a pointer. A number or a calculation is set by a script before it.
+    """Return the port of a SubTree node for the param ``name`` of the called mission ``inner``.
 
-    A constant of a SubTree is a text there. Raises NotAScriptError.
+    It is a text or a pointer, since a constant in such a port is always a text. For a number or a calculation, an
+    assignment is added to ``script``, which sets a variable before the call, and the port points to this variable.
+    Raises NotAScriptError if a script cannot set it.
     """
     param = inner.params.get(name, MissionParam(OTHER))
     text = port_text(node, is_text=param.kind == TEXT)
@@ -178,7 +181,10 @@ def _passed(writer: TreeWriter, inner: MissionSource, name: str, node: Node, scr
 
 
 def _add_result(writer: TreeWriter, step: Step, attributes: dict[str, str], outer: str, inner: str) -> None:
-    """Connect a variable of the inner mission to one of the caller, if it is a variable and not calculated."""
+    """Add a port that connects the variable ``inner`` of the called mission to the variable ``outer`` of the caller.
+
+    If the result is not a variable alone, it is reported as lost.
+    """
     pointer = f"{{{outer}}}"
     if step.output_variable is not None:
         return
@@ -187,7 +193,11 @@ def _add_result(writer: TreeWriter, step: Step, attributes: dict[str, str], oute
 
 
 def _without_skip(writer: TreeWriter, step: Step) -> Element:
-    """Return the root of a tree; a mission that is skipped has succeeded."""
+    """Return the root element of a mission's tree.
+
+    A mission whose root is skipped succeeds, but a tree of BehaviorTree.CPP would be skipped; so the element gets a
+    Sequence around it.
+    """
     element = writer.element(step)
     if not can_be_skipped(step):
         return element
@@ -209,7 +219,7 @@ def _note_header(writer: TreeWriter) -> None:
 
 
 def _can_be_port(name: str) -> bool:
-    """Return whether the library accepts a variable as the port of a tree."""
+    """Return whether BehaviorTree.CPP accepts the name of a variable as the name of a tree's port."""
     return ENTRY_NAME.fullmatch(name) is not None and not name.startswith("_") and name not in ("ID", "name")
 
 

@@ -1,4 +1,4 @@
-"""A mission that is exported: its YAML nodes by their places, its params, and the kinds of its variables."""
+"""A mission that is exported: the nodes of its YAML file, its params, and the kinds of values of its variables."""
 
 from dataclasses import dataclass, field
 
@@ -26,7 +26,7 @@ from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text
 
 @dataclass(frozen=True, slots=True)
 class MissionParam:
-    """A param of a mission: the kind of its values in scripts, its default, and its description."""
+    """A param of an exported mission: the kind of its values in scripts, its default in YAML, and its description."""
 
     kind: str
     default: Node | None = None
@@ -35,7 +35,11 @@ class MissionParam:
 
 @dataclass(slots=True)
 class MissionSource:
-    """A mission that becomes a tree: its root step, ID, source, YAML nodes by their places, and kinds of variables."""
+    """A mission that becomes a tree: ``tree`` is its root step, ``id`` the ID of the tree, ``root`` its YAML file.
+
+    ``nodes`` has, by line and column of a key, its YAML mapping and its value; ``lines`` are the lines of the file.
+    ``kinds`` are the kinds of the variables' values in scripts.
+    """
 
     id: str
     tree: Step
@@ -48,7 +52,7 @@ class MissionSource:
     lines: list[str] = field(default_factory=list)
 
     def beside(self, step: Step) -> Entries:
-        """Return the keys of the YAML node of a step, empty for a word alone."""
+        """Return the YAML mapping whose key is the word of a step; empty for a step that is only a word."""
         found = self.nodes.get((step.mark.line, step.mark.column))
         return Entries(step.mark) if found is None else found[0]
 
@@ -58,13 +62,13 @@ class MissionSource:
         return Scalar(step.mark, "", None) if found is None else found[1]
 
     def assigned(self, step: Step) -> dict[str, Value]:
-        """Return the written values of a step that sets variables."""
+        """Return the values that a ``set`` step assigns, as written in the file, by variable."""
         value = self.value(step)
         entries = value.entries if isinstance(value, Entries) else []
         return {name.text: value_of(node) for name, node in entries}
 
     def comments(self, step: Step) -> list[str]:
-        """Return the comments on the lines above a step, each once."""
+        """Return the comments above a step in the mission file; each comment is returned only once."""
         entries = self.beside(step).entries
         number = (entries[0][0].mark if entries else step.mark).line - 1
         found = list[str]()
@@ -75,7 +79,10 @@ class MissionSource:
         return [line for line in found if line]
 
     def header(self) -> dict[str, str]:
-        """Return the keys of the mission, other than its name and its tree, as attributes."""
+        """Return the top-level keys of the mission file, such as ``summary`` and ``params``, as attributes of the tree.
+
+        Name and tree of the mission are left out.
+        """
         found = {}
         keys = {"summary": SUMMARY, "params": PARAMS, "returns": RETURNS, "properties": PROPERTIES}
         for key, attribute in {**keys, "if_interrupted": INTERRUPTED}.items():
@@ -86,7 +93,7 @@ class MissionSource:
 
 
 def read_mission(id_: str, tree: Step, source: SourceText, *, is_main: bool) -> MissionSource:
-    """Return a mission from the file of its plan."""
+    """Return the source of a mission; ``tree`` is its checked plan, ``source`` its file, ``id_`` the ID of its tree."""
     root = compose(source, [])
     keys = root if isinstance(root, Entries) else Entries(root.mark)
     found = MissionSource(id_, tree, source, keys, is_main, lines=source.text.splitlines())
@@ -125,7 +132,7 @@ def _param(node: Node) -> MissionParam:
 
 
 def _param_kind(node: Node) -> str:
-    """Return the kind of a param in scripts."""
+    """Return the kind of values, in scripts, of a param with the YAML value ``node``: a default or its long form."""
     if isinstance(node, Entries):
         kind, default = node.get("type"), node.get("default")
         if isinstance(kind, Scalar):

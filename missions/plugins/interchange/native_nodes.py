@@ -1,6 +1,7 @@
-"""Steps of missions with an equal node in BehaviorTree.CPP.
+"""Export of steps that BehaviorTree.CPP has an equal node for.
 
-Where it takes several nodes, the outermost has the mark with the word of the step.
+If a step becomes several nodes, the outermost has the attribute ``MARK`` with the word of the step, so that an import
+makes one step of them again.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,7 +28,7 @@ from missions.plugins.interchange.yaml_ports import ONE_NAME, YAML_PREFIX, port_
 
 
 def native_element(writer: TreeWriter, step: Step) -> Element:
-    """Return the element of a behaviour. Raises NotAScriptError if there is no equal one."""
+    """Return the XML element of a step other than a modifier. Raises NotAScriptError if there is no equal node."""
     translate = _NATIVE.get(step.kind)
     if translate is None:
         raise NotAScriptError("" if step.leaf is not None else f"'{step.kind}'")
@@ -35,7 +36,10 @@ def native_element(writer: TreeWriter, step: Step) -> Element:
 
 
 def native_modifier(writer: TreeWriter, step: Step, child: Element) -> Element:
-    """Return the element of a modifier around that of its node. Raises NotAScriptError if there is no equal one."""
+    """Return the XML element of a modifier around ``child``, the element of the modified node.
+
+    Raises NotAScriptError if there is no equal node.
+    """
     translate = _MODIFIERS.get(step.kind)
     if translate is None or len(step.children) > 1:
         raise NotAScriptError(f"'{step.kind}'")
@@ -171,7 +175,7 @@ def _if(writer: TreeWriter, step: Step, child: Element) -> Element:
 
 
 def _guarded(writer: TreeWriter, step: Step, child: Element) -> Element:
-    """Return a reactive composite with the condition of a ``while`` or ``until`` before the node."""
+    """Return a ``while`` or ``until`` as a reactive composite of two children: the condition and the node."""
     code = script_condition(writer.mission.value(step), writer.mission.kinds)
     writer.require_unskipped(step)
     tag = "ReactiveSequence" if step.kind == "while" else "ReactiveFallback"
@@ -180,7 +184,7 @@ def _guarded(writer: TreeWriter, step: Step, child: Element) -> Element:
 
 
 def _for(writer: TreeWriter, step: Step, child: Element) -> Element:
-    """Return a parallel with a Sleep before the node: whichever ends first ends it."""
+    """Return a ``for`` as a Parallel with two children, a Sleep and the modified node; the first to end decides."""
     writer.require_unskipped(step)
     sleep = writer.new("Sleep", step, {"msec": _milliseconds(writer.mission.value(step))})
     attributes = {"success_count": "1", "failure_count": "1", MARK: step.kind}
@@ -220,7 +224,10 @@ def _once(writer: TreeWriter, step: Step, child: Element) -> Element:
 
 
 def _milliseconds(node: Node) -> str:
-    """Return a duration in whole milliseconds, or the pointer of ``${x} ms``. Raises NotAScriptError."""
+    """Return a duration in whole milliseconds, as text; for ``${x} ms``, the pointer ``{x}``.
+
+    Raises NotAScriptError for other calculations, and for fractions of a millisecond.
+    """
     text = node.text.strip() if isinstance(node, Scalar) else ""
     if text.endswith(" ms") and (pointer := ONE_NAME.fullmatch(text.removesuffix(" ms").strip())):
         return f"{{{pointer[1]}}}"

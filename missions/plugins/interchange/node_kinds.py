@@ -233,25 +233,36 @@ CONDITIONS = (
 """Leaves of Nav2 and BehaviorTree.CPP that are conditions: they end at their first tick."""
 
 MARK = "_mission"
-"""Attribute that names the word of a mission for which `mission show` wrote an element; the library ignores it.
+"""Attribute of an XML element that `mission show` has exported: the word of the step from which it was made.
 
-On a ``BehaviorTree`` it is the name of the mission. The attributes below hold data without a place in the library.
+On a ``BehaviorTree`` element it is the name of the mission. BehaviorTree.CPP ignores this attribute and those below,
+which hold data for an import that BehaviorTree.CPP has no place for.
 """
 
 GIVEN, DEFAULTS, CALCULATED, RETURNS, AS = "_given", "_defaults", "_calculated", "_returns", "_as"
-"""Attributes of a SubTree: its params, those with their defaults, those that are calculated, results, and ``as``."""
+"""Attributes of an exported SubTree node that hold parts of its ``mission`` step.
+
+These are the names of the params in ``with``, those of params that have their defaults, calculated params, ``returns``
+and ``as``.
+"""
 
 SUMMARY, PARAMS, PROPERTIES, INTERRUPTED = "_summary", "_params", "_properties", "_if_interrupted"
-"""Attributes of a BehaviorTree: keys of the mission. ``RETURNS`` stands there too."""
+"""Attributes of an exported ``BehaviorTree`` element that hold top-level keys of the mission, as ``RETURNS`` does."""
 
 REASON = "_reason"
-"""Attribute of an AlwaysFailure: the reason of the failure."""
+"""Attribute of an exported AlwaysFailure node that holds the reason of the ``fail`` step."""
 
 CASES = "_cases"
-"""Attribute of a choice: the case of each child behind the condition, as a list in YAML; null for a filler."""
+"""Attribute of an exported IfThenElse or WhileDoElse node: the cases of the switch, as a YAML list.
+
+There is one case for each child after the condition; null for a filler, a child that only stands for a missing case.
+"""
 
 UNSKIPPED, FILLER = "unskipped", "no case"
-"""Values of ``MARK`` for elements that are no step: one that turns a skip into a success, and a case without a node."""
+"""Values of ``MARK`` for exported elements that stand for no step.
+
+``UNSKIPPED`` marks a Sequence that turns a skip into a success, ``FILLER`` a child for a case that the switch lacks.
+"""
 
 RESULT = "result"
-"""Port for the result of a leaf."""
+"""Name of the output port for the result of an exported leaf."""

@@ -1,6 +1,6 @@
-"""Elements that `mission show` wrote, as the steps of missions from which they were made.
+"""Import of XML elements that `mission show` has exported: they become the steps from which they were made.
 
-An element is one of them if it has the attribute ``MARK``, or if the model of its node names a word of missions.
+Such an element has the attribute ``MARK``, or the declaration of its node in ``TreeNodesModel`` has a word of missions.
 """
 
 from collections.abc import Callable, Mapping
@@ -58,7 +58,10 @@ MAX_CASE_LENGTH = 200
 
 
 def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
-    """Return the step from which an element was made; None if it is not one of ours, or no longer in its form."""
+    """Return the step from which an XML element was exported.
+
+    None if the element was not exported from a mission, or has been edited into another form.
+    """
     mark = element.attributes.get(MARK, "")
     if mark:
         writer = _MARKED.get(mark)
@@ -88,7 +91,7 @@ def _with_name(step: MissionStep, element: Element) -> MissionStep:
 
 
 def _value(tree: TreeContext, element: Element, port: str, *, is_text: bool = False) -> str:
-    """Return the value of a port as YAML."""
+    """Return the value of a port of an element as YAML text; report a value that is not YAML as lost."""
     text = element.attributes[port]
     try:
         return port_value(text, is_text=is_text)
@@ -101,7 +104,10 @@ def _value(tree: TreeContext, element: Element, port: str, *, is_text: bool = Fa
 
 
 def _pair(word: str) -> Callable[[TreeContext, Element, SkipAs], MissionStep | None]:
-    """Return the translation of a condition, or a Sleep, with a node behind it."""
+    """Return a function that translates an element with two children: a condition, or a Sleep for ``for``, and a node.
+
+    ``word`` is the modifier that it was exported from: ``while``, ``until`` or ``for``.
+    """
 
     def translate(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
         if len(element.children) != 2:
@@ -212,12 +218,12 @@ def _switch(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep
 
 
 def _can_be_case(name: str | None) -> bool:
-    """Return whether a text can be the key of a case: YAML limits the length of keys."""
+    """Return whether a text is short enough for a case of a switch, which is a key in YAML."""
     return name is not None and len(name) <= MAX_CASE_LENGTH
 
 
 def _case_names(element: Element) -> list[str | None]:
-    """Return the cases of a custom choice, or of one on a condition."""
+    """Return the cases of an exported switch, in the order of its children; empty if they cannot be read."""
     try:
         found = read_flow(element.attributes.get(CASES, element.attributes.get("cases", "")))
     except ValueError:
@@ -226,7 +232,10 @@ def _case_names(element: Element) -> list[str | None]:
 
 
 def _prepared_call(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
-    """Return the call of a mission for which a script sets variables to the values of params."""
+    """Return the ``mission`` step for a Sequence of a Script, which sets variables, and a SubTree, which passes them.
+
+    The step passes the values of the script directly, as params.
+    """
     if len(element.children) != 2:
         return None
     script = tree.script(element, element.children[0].attributes.get("code", ""))
@@ -316,7 +325,7 @@ def _custom_loop(tree: TreeContext, element: Element, child: MissionStep) -> Mis
 
 
 def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) -> MissionStep:
-    """Return a leaf of missions; a stub if it is none of those that are loaded."""
+    """Return the leaf of missions from which a custom node was exported; a stub leaf if no loaded leaf has its tag."""
     leaf = tree.leaves.get(word)
     model = model_of(tree.project, kind, tree.rules)
     declared = {} if leaf is None else leaf.arguments
@@ -355,7 +364,10 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
 
 
 def translate_call(tree: TreeContext, element: Element, inner: SourceTree, name: str) -> MissionStep | None:
-    """Return the step of a SubTree that runs one of our missions; None for another tree."""
+    """Return the ``mission`` step for a SubTree node whose tree ``inner`` was exported from a mission.
+
+    ``name`` is the name of the mission. None if the tree was not exported.
+    """
     if MARK not in inner.element.attributes:
         return None
     returns, calculated = (read_entries(element.attributes.get(key, "")) for key in (RETURNS, CALCULATED))
@@ -382,7 +394,10 @@ def translate_call(tree: TreeContext, element: Element, inner: SourceTree, name:
 
 
 def header_of(tree: SourceTree) -> Mapping[str, str] | None:
-    """Return the keys of a mission beside its tree, as YAML; None for a tree that is not one of ours."""
+    """Return the top-level keys of a mission file, such as ``params``, from the attributes of its exported tree.
+
+    The values are YAML text. None for a tree that was not exported from a mission.
+    """
     attributes = tree.element.attributes
     if MARK not in attributes:
         return None

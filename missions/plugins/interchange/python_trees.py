@@ -1,6 +1,7 @@
-"""Trees of py_trees from Python: a function builds one, and its nodes become elements of BehaviorTree.CPP.
+"""Import of trees of py_trees from Python: calls a function that builds a tree, and converts the tree to XML elements.
 
-The module is imported and its function is called, because the user names both. The tree is never ticked.
+The elements have the names of BehaviorTree.CPP. The user names the module and the function, so they are imported and
+called; the tree is never ticked.
 """
 
 import importlib
@@ -23,7 +24,7 @@ from missions.plugins.interchange.report import DIFFERS, LOST, ImportReport
 from missions.plugins.interchange.xml_reader import MAX_DEPTH, MAX_ELEMENTS, Element
 
 TARGET = re.compile(r"(?P<module>[\w.]+|.+\.py):(?P<function>[A-Za-z_]\w*)")
-"""Name of a function that returns a tree: ``package.module:function`` or ``file.py:function``."""
+"""Pattern of the name of a function that returns a tree: ``package.module:function`` or ``file.py:function``."""
 
 COMPARISONS: Mapping[Any, str] = {
     operator.eq: "==",
@@ -36,11 +37,14 @@ COMPARISONS: Mapping[Any, str] = {
 
 
 class PythonTreeError(ValueError):
-    """A module that cannot be imported, or a function that returns no tree."""
+    """Raised for a module that cannot be imported, and for a function that fails or returns no tree."""
 
 
 def load_tree(target: str) -> Behaviour:
-    """Import a module, and return the tree that its function returns. Raises PythonTreeError."""
+    """Import the module in ``target``, such as ``robot.trees:patrol``; call its function and return the tree.
+
+    Raises PythonTreeError.
+    """
     found = TARGET.fullmatch(target)
     if found is None:
         raise PythonTreeError("write MODULE:FUNCTION")
@@ -70,7 +74,10 @@ def _module(name: str) -> Any:
 
 
 def tree_element(tree: Behaviour, target: str, report: ImportReport) -> Element:
-    """Return a tree as the root element of a file; remarks count the nodes from 1, in their order in the tree."""
+    """Return a tree of py_trees as the root element of an XML file; differences are added to ``report``.
+
+    Remarks give the number of a node in the place of a line: nodes count from 1, in their order in the tree.
+    """
     reader = _TreeReader(target, report)
     body = reader.element(tree, 1)
     name = target.rpartition(":")[2]
@@ -79,7 +86,7 @@ def tree_element(tree: Behaviour, target: str, report: ImportReport) -> Element:
 
 
 class _TreeReader:
-    """Converts the nodes of one tree; ``line`` of an element is the number of its node."""
+    """Converts the nodes of one tree to XML elements; ``line`` of an element is the number of its node, from 1."""
 
     def __init__(self, target: str, report: ImportReport) -> None:
         self.source = SourceText(target, "")
@@ -107,14 +114,17 @@ class _TreeReader:
         self.report.add(kind, element, text, f"{element.tag} '{name}'" if name else element.tag)
 
     def child_element(self, parent: Element, tag: str, **attributes: str) -> Element:
-        """Add an element to another one that stands for the same node."""
+        """Return a new element below ``parent``, for a node that needs two elements."""
         found = Element(tag, dict(attributes), self.source, parent.line)
         parent.children.append(found)
         return found
 
 
 def _ports(node: Behaviour) -> dict[str, str]:
-    """Return the arguments of an unknown node whose values are known: attributes with the names of parameters."""
+    """Return the ports of a node of an unknown class.
+
+    These are the parameters of its constructor that the node stores in attributes of the same names.
+    """
     names = [name for name in inspect.signature(type(node).__init__).parameters if name not in ("self", "name")]
     values = {name: vars(node).get(name) for name in names}
     return {
@@ -125,7 +135,10 @@ def _ports(node: Behaviour) -> dict[str, str]:
 
 
 NodeReader = Callable[[_TreeReader, Element, Any], None]
-"""Function that gives an element the tag, the ports and the first children that stand for a node."""
+"""Function that converts a node of py_trees, except its children.
+
+Its arguments are the reader of the tree, the element to fill with tag and ports, and the node.
+"""
 
 
 # Composites.
@@ -155,7 +168,10 @@ def _parallel(reader: _TreeReader, element: Element, node: Any) -> None:
 
 
 def _renamed(tag: str, port: str = "", attribute: str = "", factor: float = 1) -> NodeReader:
-    """Return the reader of a decorator with at most one number, which ``factor`` converts to the unit of the port."""
+    """Return a reader of nodes that have an equal node ``tag`` in BehaviorTree.CPP.
+
+    A number in the node's ``attribute`` becomes the port ``port``; ``factor`` converts it to the unit of the port.
+    """
 
     def read(reader: _TreeReader, element: Element, node: Any) -> None:
         del reader
@@ -180,7 +196,7 @@ def _condition(reader: _TreeReader, element: Element, node: Any) -> None:
 
 
 def _eternal_guard(reader: _TreeReader, element: Element, node: Any) -> None:
-    """Write the condition, a function, as a condition of its own before the node."""
+    """Convert an EternalGuard: a ReactiveSequence of a Condition node, which stands for its function, and the child."""
     element.tag = "ReactiveSequence"
     condition = getattr(node.condition, "func", node.condition)
     name = getattr(condition, "__name__", "condition")
@@ -257,12 +273,12 @@ def _compare_variables(reader: _TreeReader, element: Element, node: Any) -> None
 
 
 def _leave(reader: _TreeReader, element: Element, what: str) -> None:
-    """Leave a leaf to be written: it becomes a stub."""
+    """Report that a leaf cannot be converted; it becomes a stub leaf, which the user writes."""
     reader.note(LOST, element, f"{what} is computed in Python")
 
 
 def _comparison(check: Any) -> str:
-    """Return a comparison with a constant as a script; empty for any other."""
+    """Return a comparison of a blackboard entry with a constant as a script; empty if it is no such comparison."""
     sign = COMPARISONS.get(check.operator)
     known, value = _constant(check.value_generator)
     if sign is None or not known or "." in check.variable:
@@ -275,7 +291,10 @@ def _comparison(check: Any) -> str:
 
 
 def _constant(generator: Callable[[], object]) -> tuple[bool, object]:
-    """Return whether the value of a node is a constant, and the constant; functions of users are not called."""
+    """Return (True, value) for a node's constant, (False, None) for a value that a function computes.
+
+    py_trees wraps constants in functions of its own; only these are called, functions of users are not.
+    """
     is_constant = getattr(generator, "__module__", "").startswith("py_trees.") and generator.__name__ == "<lambda>"
     return (True, generator()) if is_constant else (False, None)
 
@@ -317,4 +336,4 @@ _READERS: Mapping[type, NodeReader] = {
     behaviours.CheckBlackboardVariableValues: _check_values,
     behaviours.CompareBlackboardVariables: _compare_variables,
 }
-"""Functions that convert a node of py_trees; a subclass is converted as its nearest base here."""
+"""Functions that convert nodes of py_trees, by class; a subclass is converted as its nearest base class here."""

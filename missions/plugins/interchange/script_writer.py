@@ -1,7 +1,8 @@
-"""Expressions of missions as scripts of BehaviorTree.CPP, where both have the same meaning.
+"""Translation of expressions of missions to scripts of BehaviorTree.CPP, as far as both have the same meaning.
 
-A script has numbers, texts and entries of the blackboard. Robot state, quantities, lists, members, functions and null
-have no counterpart in it. An entry keeps the type of its first value: a whole number never becomes a fraction.
+A script has numbers, texts and blackboard entries. It has nothing for the robot's state, quantities, lists, members of
+results, functions and null. A blackboard entry keeps the type of its first value: a whole number never becomes a
+fraction.
 """
 
 import ast
@@ -36,11 +37,11 @@ COMPARISONS: Mapping[type[ast.cmpop], str] = {
 
 
 class NotAScriptError(ValueError):
-    """An expression that scripts cannot hold; the message names the part without a counterpart."""
+    """Raised for a step or expression that BehaviorTree.CPP cannot express; the message names the missing part."""
 
 
 def script_condition(node: Node | None, kinds: Kinds) -> str:
-    """Return a condition of a mission as a script. Raises NotAScriptError."""
+    """Return the condition in a YAML node as a script; ``kinds`` are those of variables. Raises NotAScriptError."""
     text, kind = script_expression(node, kinds)
     if kind not in (FLAG, *NUMBERS, ANY):
         raise NotAScriptError("a condition that is not true or false")
@@ -48,7 +49,10 @@ def script_condition(node: Node | None, kinds: Kinds) -> str:
 
 
 def script_expression(node: Node | None, kinds: Kinds) -> tuple[str, str]:
-    """Return an expression of a mission as a script, and the kind of its value. Raises NotAScriptError."""
+    """Return the expression in a YAML node as a script, and the kind of its value; ``kinds`` are those of variables.
+
+    Raises NotAScriptError.
+    """
     text = node.text if isinstance(node, Scalar) else ""
     hole = re.fullmatch(r"\s*\$\{(.*)\}\s*", text, re.DOTALL)
     try:
@@ -58,7 +62,7 @@ def script_expression(node: Node | None, kinds: Kinds) -> tuple[str, str]:
 
 
 def value_of(node: Node) -> Value:
-    """Return a value as it stands in the file, with params in it unknown."""
+    """Return the value in a YAML node as written: a constant, or a template in which params have no values yet."""
     if not isinstance(node, Scalar):
         return Value(())
     found = template(node.text) if isinstance(node.value, str) else None
@@ -67,7 +71,10 @@ def value_of(node: Node) -> Value:
 
 
 def script_value(value: Value, kinds: Kinds, target: str) -> str:
-    """Return the script of a value for an entry of the kind ``target``. Raises NotAScriptError."""
+    """Return a value as a script that can be assigned to a blackboard entry whose kind is ``target``.
+
+    Raises NotAScriptError if it cannot be a script, or has another kind.
+    """
     if value.template is None:
         text, kind = _constant(value.constant, as_fraction=target == FRACTION)
     elif isinstance(value.template, Template):
@@ -114,7 +121,7 @@ def _constant(value: object, *, as_fraction: bool = False) -> tuple[str, str]:
 
 
 def _script_of(node: ast.expr, kinds: Kinds) -> tuple[str, str]:
-    """Return the script of an expression, and the kind of its value. Raises NotAScriptError."""
+    """Return the syntax tree of an expression as a script, and the kind of its value. Raises NotAScriptError."""
     match node:
         case ast.Constant(value=value):
             return _constant(value)
@@ -215,9 +222,9 @@ def _name_of(node: ast.expr) -> str:
 def variable_kinds(
     steps: Iterable[Step], params: Mapping[str, str], values: Callable[[Step], Mapping[str, Value]]
 ) -> dict[str, str]:
-    """Return the kinds of all variables of a mission; ``steps`` are those that share its variables.
+    """Return the kinds of values of a mission's variables, by name; ``params`` are the kinds of its params.
 
-    ``values`` returns the written values of a step that sets variables.
+    ``steps`` are the steps that share these variables. ``values`` returns the values that a ``set`` step assigns.
     """
     found = dict(params)
     steps = list(steps)
@@ -251,7 +258,7 @@ def _output_kind(leaf: type[Leaf] | None) -> str:
 
 
 def _kind_of(value: Value, kinds: Kinds) -> str:
-    """Return the kind of a value; empty for null, and for one that reads a variable of a yet unknown kind."""
+    """Return the kind of a value; empty for null, and for an expression with a variable whose kind is not known yet."""
     if value.template is None and value.constant is None:
         return ""
     try:

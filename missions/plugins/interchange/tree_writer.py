@@ -1,4 +1,4 @@
-"""Writer of the elements of exported trees: their names, comments and remarks, and the dispatch of their steps."""
+"""Writer of the XML elements of exported steps, with names and comments, and the remarks of the export."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
@@ -25,9 +25,10 @@ EXPLANATIONS = {
 
 @dataclass(slots=True)
 class ExportedTree:
-    """Text of an XML file, and remarks on everything in it that BehaviorTree.CPP does not have by itself.
+    """Result of an export: the ``text`` of the XML file, and remarks on all that needs attention in BehaviorTree.CPP.
 
-    ``leaves`` are the IDs of custom actions and conditions. ``native`` and ``custom`` count steps.
+    ``leaves`` are the IDs of custom actions and conditions, for which the user needs C++ classes. ``native`` and
+    ``custom`` count the steps that became nodes of BehaviorTree.CPP and custom nodes.
     """
 
     text: str = ""
@@ -37,7 +38,7 @@ class ExportedTree:
     custom: int = 0
 
     def lines(self) -> list[str]:
-        """Return the remarks as text, by their kinds."""
+        """Return the remarks as lines of text, grouped by the kind of remark."""
         found = []
         if self.leaves:
             found += [f"{LEAVES}: {', '.join(self.leaves)}"]
@@ -48,9 +49,10 @@ class ExportedTree:
 
 
 class TreeWriter:
-    """Writes the elements of the steps of one mission; ``write`` translates a step with all steps below it.
+    """Writes the XML elements for the steps of one mission; ``write`` is the function that translates any step.
 
-    ``found`` holds the remarks, and ``models`` the models of custom nodes by their IDs; all missions share them.
+    All missions of an export share ``found``, the result with the remarks, and ``models``, the declarations of custom
+    nodes by ID.
     """
 
     def __init__(
@@ -64,7 +66,7 @@ class TreeWriter:
         self._write = write
 
     def element(self, step: Step) -> Element:
-        """Return the element of a step with all modifiers around it."""
+        """Return the XML element of a step and its modifiers, with the comments above the step in the mission file."""
         behaviour = step
         while behaviour.kind in MODIFIERS:
             behaviour = behaviour.children[0]
@@ -74,7 +76,7 @@ class TreeWriter:
         return element
 
     def build(self, step: Step) -> Element:
-        """Return the element of a step without its comments."""
+        """Return the XML element of a step, without the comments above the step."""
         return self._write(self, step)
 
     def children(self, step: Step) -> list[Element]:
@@ -89,7 +91,7 @@ class TreeWriter:
         *,
         is_named: bool = False,
     ) -> Element:
-        """Return an element at the place of a step, with the step's name if ``is_named``."""
+        """Return a new XML element for a step; if ``is_named``, with the name that the step has in the mission."""
         found = dict(attributes or {})
         name = self.mission.beside(step).get("name") if is_named else None
         if isinstance(name, Scalar):
@@ -97,12 +99,12 @@ class TreeWriter:
         return Element(tag, found, step.source, step.mark.line, children=list(children))
 
     def settings(self, step: Step) -> list[str]:
-        """Return the keys beside a composite that are neither modifiers nor its name."""
+        """Return the keys beside a composite that are settings, such as ``success_count``."""
         others = (step.kind, "name", *MODIFIERS, *MODIFIER_KEYS)
         return [name for name in self.mission.beside(step).keys() if name not in others]  # noqa: SIM118 - no dict
 
     def argument(self, step: Step, name: str) -> Node:
-        """Return the YAML node of a principal argument."""
+        """Return the YAML node of a step's argument ``name``: the value of this key, or the only value of the step."""
         value = self.mission.value(step)
         inner = value.get(name) if isinstance(value, Entries) else None
         return value if inner is None else inner
@@ -124,7 +126,7 @@ class TreeWriter:
 
 
 def can_be_skipped(step: Step) -> bool:
-    """Return whether a step may end as skipped; a mission never does."""
+    """Return whether a step may end as skipped, because of an ``if``; a mission that is skipped succeeds instead."""
     if step.kind == "if":
         return True
     if step.leaf is not None or step.kind == MISSION:

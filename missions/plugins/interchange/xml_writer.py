@@ -1,4 +1,4 @@
-"""Writer of XML files for BehaviorTree.CPP and Groot2: elements with their attributes and comments, indented."""
+"""Writer of XML files for BehaviorTree.CPP and its editor Groot2, with comments and indentation."""
 
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
@@ -10,7 +10,7 @@ MAX_LINE_LENGTH = 110
 
 
 def xml_text(root: Element) -> str:
-    """Return the document of an element."""
+    """Return the text of an XML file with this root element."""
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + "\n".join(_lines(root, 0)) + "\n"
 
 

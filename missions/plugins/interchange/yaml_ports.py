@@ -1,6 +1,7 @@
-"""Values of missions as ports: the text itself, ``{x}`` for ``${x}``, and ``yaml: ...`` for all others.
+"""Values of missions as the texts of XML ports.
 
-``yaml: [1 m, "${x}"]`` holds a list or a mapping, and texts that would read as something else: ``yaml: "5"``.
+A plain value is written as it is, and ``${x}`` as ``{x}``. All others are YAML with a prefix, such as ``yaml: [1 m,
+"${x}"]``. The prefix is also used for a text that would read as another value, such as ``yaml: "5"``.
 """
 
 import json
@@ -22,7 +23,7 @@ ONE_NAME = re.compile(r"\$\{\s*([A-Za-z_]\w*)\s*\}", re.ASCII)
 
 
 def flow_text(node: Node) -> str:
-    """Return a node in YAML's flow style, on one line."""
+    """Return a YAML node as text on one line, in YAML's flow style, with brackets and braces."""
     match node:
         case Listing(items=items):
             return f"[{', '.join(map(flow_text, items))}]"
@@ -38,7 +39,7 @@ def _key_text(key: Scalar) -> str:
 
 
 def port_text(node: Node, *, is_text: bool) -> str:
-    """Return the value of a port for a value of a mission; ``is_text`` if the argument takes only texts."""
+    """Return a YAML node of a mission as the text of a port; ``is_text`` if the argument takes only texts."""
     if not isinstance(node, Scalar) or node.value is None:
         return YAML_PREFIX + flow_text(node)
     if found := ONE_NAME.fullmatch(node.text.strip()):
@@ -52,7 +53,10 @@ def port_text(node: Node, *, is_text: bool) -> str:
 
 
 def port_value(text: str, *, is_text: bool) -> str:
-    """Return a port's value as YAML in flow style. Raises ValueError if it is not well-formed."""
+    """Return the text of a port as YAML text on one line. Raises ValueError if it has the prefix and is not YAML.
+
+    ``is_text`` is true if the argument takes only texts, so that ``5`` is a text.
+    """
     if text.startswith(YAML_PREFIX):
         return flow_text(read_flow(text))
     if is_pointer(text):
@@ -62,7 +66,7 @@ def port_value(text: str, *, is_text: bool) -> str:
 
 
 def read_flow(text: str) -> Node:
-    """Return the node in a value with the prefix. Raises ValueError if it is not well-formed."""
+    """Return the YAML node in the text of a port, after the prefix ``yaml:``. Raises ValueError if it is not YAML."""
     try:
         return compose(SourceText("port", text.removeprefix(YAML_PREFIX)))
     except InvalidFileError as error:
@@ -70,7 +74,7 @@ def read_flow(text: str) -> Node:
 
 
 def read_entries(text: str) -> Mapping[str, Node]:
-    """Return the entries of a mapping in a value with the prefix; empty if it is none."""
+    """Return the values of the mapping in the text of a port, by key; empty if it is not a mapping."""
     try:
         found = read_flow(text)
     except ValueError:
@@ -79,5 +83,5 @@ def read_entries(text: str) -> Mapping[str, Node]:
 
 
 def is_text_argument(argument: Argument | None) -> bool:
-    """Return whether an argument takes only texts."""
+    """Return whether an argument of a leaf takes only texts, such as names of files."""
     return argument is not None and argument.kind in (*TEXT_KINDS, *NAME_TYPES, "condition")
