@@ -219,6 +219,8 @@ def kind_of_value(value: object) -> Kind:
 
 def kind_of_type(hint: Any) -> Kind:
     """Return the kind (static type in missions) of a Python type or annotation; None if it has none."""
+    if hint in (Any, object):  # Any is a class since Python 3.11
+        return None
     origin, arguments = get_origin(hint), get_args(hint)
     if origin is Annotated:
         return next((each for each in arguments[1:] if each in UNITS), None)

@@ -349,14 +349,14 @@ def _is_number(text: str) -> bool:
 
 
 def _simple_flag_test(left: Formula, parts: list[str]) -> Formula | None:
-    """Return a shorter form of a comparison of the flag ``left`` with a constant: ``x`` for ``x == true``.
+    """Return a shorter form of a comparison of ``left`` with a constant flag: ``x`` for ``x == true``.
 
-    ``x == false`` becomes ``not x``. ``parts`` are the texts of left side, operator and right side. None for other
-    comparisons.
+    ``x == false`` becomes ``not x``. A value of an unknown kind is taken as a flag, since missions compare no such
+    value with one. ``parts`` are the texts of left side, operator and right side. None for other comparisons.
     """
-    if left.kind != FLAG or parts[2] not in ("true", "false") or parts[1] not in ("==", "!="):
+    if left.kind not in (FLAG, None) or parts[2] not in ("true", "false") or parts[1] not in ("==", "!="):
         return None
-    return left if (parts[1] == "==") == (parts[2] == "true") else negate(left)
+    return as_condition(left) if (parts[1] == "==") == (parts[2] == "true") else negate(left)
 
 
 def negate(formula: Formula) -> Formula:

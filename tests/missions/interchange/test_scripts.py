@@ -57,6 +57,8 @@ def test_flags_and_numbers_are_compared_as_one_kind() -> None:
     assert condition("open == 0", {"open": "flag"}) == "not open"
     assert condition("count == true", {"count": "number"}) == "count == 1"
     assert condition("count == '5'", {"count": "number"}) == "count == 5"
+    assert condition("unknown == true", {}) == "not not unknown"
+    assert condition("unknown == false", {}) == condition("unknown != true", {}) == "not unknown"
     assert condition("word == 5", {"word": "text"}) == "word == '5'"
 
 

@@ -1,6 +1,8 @@
 """Results of mocks: their types are those of the mocked outputs, and one may follow another."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -201,6 +203,13 @@ class Strict(Tray):
     def __post_init__(self) -> None:
         if self.cups > 9:
             raise ValueError("at most 9 cups")
+
+
+def test_values_of_any_type_have_no_kind() -> None:
+    assert kind_of_type(Any) is None
+    assert kind_of_type(object) is None
+    assert kind_of_type(list[Any]) == ListKind(None)
+    assert kind_of_type(Mapping[str, Any]) == RecordKind("a mapping", other_kind=None)
 
 
 def test_record_of_a_class_has_all_its_members() -> None:
