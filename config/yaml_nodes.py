@@ -93,11 +93,11 @@ def read_source(path: Path, name: str | None = None) -> SourceText:
         raise InvalidFileError([fault]) from error
 
 
-def compose(source: SourceText, faults: list[Diagnostic] | None = None) -> Node:
+def compose(source: SourceText, faults: list[Diagnostic] | None = None, *, empty_hint: str = "") -> Node:
     """Parse ``source`` into nodes. Raises InvalidFileError for anything but one plain YAML document.
 
     With ``faults``, errors after which the rest can still be read (a duplicate key, a missing colon) are added to it
-    instead.
+    instead. ``empty_hint`` says what to write into an empty file.
     """
     if (forbidden := forbidden_character(source)) is not None:
         raise InvalidFileError([forbidden])
@@ -108,7 +108,7 @@ def compose(source: SourceText, faults: list[Diagnostic] | None = None) -> Node:
         text, found = replace_odd_spaces(source)
     composer = _compose_text(source, text, found, mending=faults is not None)
     if composer.root is None:
-        raise InvalidFileError(found or [Diagnostic(source, Mark(), "the file is empty")])
+        raise InvalidFileError(found or [Diagnostic(source, Mark(), "the file is empty", empty_hint)])
     collected: list[Diagnostic] = [] if faults is None else faults
     for each in (*found, *composer.faults):
         add_diagnostic(collected, each)

@@ -1,6 +1,5 @@
 """Arguments of leaves: parsing, checks and conversion of the values in a mission."""
 
-import ast
 import math
 from collections.abc import Callable
 from dataclasses import replace
@@ -19,7 +18,6 @@ from missions.language.expressions import (
     INVALID_VALUE,
     Convert,
     DataTemplate,
-    Expression,
     ExpressionError,
     Template,
     Value,
@@ -36,6 +34,7 @@ from missions.language.lists import default_value
 from missions.language.modifiers import outdent_hint, read_expression
 from missions.language.nodes import MISSION
 from missions.language.operators import describe_value
+from missions.language.param_hints import sole_name
 from missions.language.phrases import PHRASES_KIND as PHRASES
 from missions.language.phrases import read_phrases, second_phrase_hint
 from perception.api import Face
@@ -82,7 +81,7 @@ def read_face(context: CheckContext, node: Scalar, label: str) -> Value:
         context.fault(node.mark, f"{label} needs a face stored by 'as', got the text {quoted_value(node.text)}", hint)
         return INVALID_VALUE
     found = context.read_value(node, label, as_face)
-    source_leaf = context.variable_leaves.get(_variable(found.template))
+    source_leaf = context.variable_leaves.get("" if found.template is None else sole_name(found.template))
     if source_leaf is not None and source_leaf.output_type is not None and not _is_face(source_leaf):
         context.fault(
             node.mark,
@@ -98,14 +97,6 @@ def as_face(value: object) -> Face | None:
     if value is None or isinstance(value, Face):
         return value
     raise ValueError(f"needs a face stored by 'as', got {describe_value(value)}")
-
-
-def _variable(formula: Template | Expression | None) -> str:
-    """Return the name of the variable if ``formula`` is ``${name}`` alone; empty otherwise."""
-    match formula:
-        case Template(parts=(Expression(tree=ast.Name(id=name)),)):
-            return name
-    return ""
 
 
 def _is_face(leaf: type[Leaf]) -> bool:

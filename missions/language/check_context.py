@@ -3,13 +3,13 @@
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import get_origin
 
 from behaviours.leaf import Leaf
 from config.diagnostics import Diagnostic, Mark, SourceText, add_diagnostic, closest, suggest_from, to_snake_case
-from config.units import quoted_value, with_article
+from config.units import UNITS, quoted_value, with_article
 from config.yaml_nodes import Node, Scalar
 from drivers.api.fast_dataclass import dataclass
 from missions.language.expressions import (
@@ -27,6 +27,7 @@ from missions.language.inference import ExpressionLocation, find_mismatches
 from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS, Kind, kind_of_value, members_of
 from missions.language.nodes import FAILURE_NAME
 from missions.language.operators import FUNCTIONS
+from missions.language.param_hints import param_hint, sole_name
 from missions.language.plan import Step
 
 Lookup = Callable[[str], object]
@@ -89,7 +90,8 @@ class CheckContext:
 
     ``variables`` are set by some step of the mission, or are params known only in a run; ``missing_params`` are those
     that the caller has not set yet. ``variable_leaves`` are variables of known type, each with a leaf that stores it;
-    ``param_kinds`` are the kinds of params without a value. ``read_names`` are all names that expressions read.
+    ``param_kinds`` are the kinds of params without a value. ``param_nodes`` are the defaults of params in the file,
+    each with its value. ``read_names`` are all names that expressions read.
     ``has_unreadable_line`` is true if a line of the file could not be read. ``has_unreadable_mission`` is true if a
     sub-mission could not be read; it may return any variable.
     ``file_chain`` are the files from the main mission down to this one. ``steps`` are the places of all steps read so
@@ -106,6 +108,7 @@ class CheckContext:
     missing_params: set[str] = field(default_factory=set)
     variable_leaves: dict[str, type[Leaf]] = field(default_factory=dict)
     param_kinds: dict[str, Kind] = field(default_factory=dict)
+    param_nodes: dict[str, tuple[Scalar, object]] = field(default_factory=dict)
     read_names: set[str] = field(default_factory=set)
     faults: list[Diagnostic] = field(default_factory=list)
     has_unreadable_line: bool = False
@@ -176,7 +179,9 @@ class CheckContext:
             self.expression_fault(node, error, label)
             return INVALID_VALUE
         if filled is None:
-            constant = self.convert_constant(node, node.value, label, convert, certain=True, hint=hole_hint(node.text))
+            known = node.text in self.params or node.text in self.variables
+            hint = f"did you mean ${{{node.text}}}?" if known else hole_hint(node.text)
+            constant = self.convert_constant(node, node.value, label, convert, certain=True, hint=hint)
             if constant is not INVALID_VALUE:
                 self._check_shell_variable(node, label)
             return constant
@@ -216,14 +221,31 @@ class CheckContext:
         kinds = {name: kind_of_value(self.params[name]) for name in names}
         if mistakes := find_mismatches(formula, ExpressionLocation(self.source, node, label, wanted_kind), kinds):
             for fault in () if self.has_unreadable_line else mistakes:
-                add_diagnostic(self.faults, fault)
+                hint = self._param_hint(formula, wanted_kind, fault.message) or fault.suggestion
+                add_diagnostic(self.faults, replace(fault, suggestion=hint))
             return INVALID_VALUE
         try:
             found = formula.evaluate(self.params)
         except ExpressionError as error:
             self.fault(node.mark, f"{label}: {error}")
             return INVALID_VALUE
-        return self.convert_constant(node, found, label, convert)
+        try:
+            return Value(convert(found))
+        except (ValueError, LookupError) as error:
+            message = f"{label} {error.args[0] if error.args else error}"
+            self.fault(node.mark, message, self._param_hint(formula, wanted_kind, message))
+            return INVALID_VALUE
+
+    def _param_hint(self, formula: Template | Expression, wanted_kind: Kind, message: str) -> str:
+        """Return the hint for ``${param}`` with an unsuitable default; empty for other expressions and values.
+
+        The default also decides the type, so a caller's value without a unit is an error of the default.
+        """
+        name = sole_name(formula)
+        node, default = self.param_nodes.get(name, (None, None))
+        if node is None or (wanted_kind not in UNITS and self.params.get(name) is not default):
+            return ""
+        return param_hint(name, node, wanted_kind, message)
 
     def awaits_params(self, formula: Template | Expression) -> bool:
         """Return True if an expression reads only params, some of which the caller has not set yet."""

@@ -4,7 +4,9 @@ It also checks comparisons with results of ``listen``, after the whole tree is r
 """
 
 import ast
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -19,7 +21,7 @@ from missions.language.definite_assignment import check_assignments
 from missions.language.draws import check_draws
 from missions.language.expressions import Expression, Value
 from missions.language.for_each import check_loop_names, steps_in_scope
-from missions.language.mission_body import read_body
+from missions.language.mission_body import FIRST_KEYS_HINT, read_body
 from missions.language.nodes import MISSION, SWITCHES
 from missions.language.outcomes import check_outcomes
 from missions.language.param_types import Param, assign_params, read_params
@@ -172,7 +174,8 @@ def _check(
     robot: TargetRobot | None,
 ) -> Plan:
     faults: list[Diagnostic] = []
-    root = compose(source, faults)
+    root = compose(source, faults, empty_hint=FIRST_KEYS_HINT)
+    faults[:] = [_with_list_hint(fault, words.leaves) for fault in faults]
     # Each thing is looked up once, however often missions name it.
     words.things = {kind: cache(find) for kind, find in words.things.items()}
     words.find_mission = cache(words.find_mission)
@@ -213,6 +216,14 @@ def _check(
         body.if_interrupted,
         _unread_params(root, notes.read_names),
     )
+
+
+def _with_list_hint(fault: Diagnostic, leaves: Mapping[str, type[Leaf]]) -> Diagnostic:
+    """Return a fault about a behaviour that stands twice as a key with the hint to write a list."""
+    twice = re.match(r"'(\w+)' is a duplicate key", fault.message)
+    if twice is None or twice[1] not in leaves:
+        return fault
+    return replace(fault, suggestion=f"to do both, write a 'sequence' with '- {twice[1]}: ...' on each line")
 
 
 def _unread_params(root: Node, read_names: Collection[str]) -> dict[str, Mark]:

@@ -162,6 +162,9 @@ class MissionBody:
     if_interrupted: str = ""
 
 
+FIRST_KEYS_HINT = "write 'mission: NAME', then 'tree:'"
+"""Hint for a file without the keys of a mission."""
+
 AssignParams = Callable[[CheckContext, dict[str, Param], str], None]
 """Function that sets the params of a mission, given the context, the declared params and the mission's name.
 
@@ -174,7 +177,7 @@ def read_body(
 ) -> MissionBody | None:
     """Return the contents of a mission file; None if it is not a mapping."""
     if not isinstance(root, Mapping):
-        context.fault(root.mark, "a mission begins with keys", "write 'mission: NAME', then 'tree:'")
+        context.fault(root.mark, "a mission begins with keys", FIRST_KEYS_HINT)
         return None
     context.has_unreadable_line = context.has_unreadable_line or root.torn
     for key, _ in root.entries:

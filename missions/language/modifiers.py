@@ -5,17 +5,21 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from config.units import quoted_value
+from config.yaml_nodes import Mapping as Entries
 from config.yaml_nodes import Node, Scalar
-from missions.language.check_context import CheckContext
+from missions.language.check_context import CheckContext, hole_hint
 from missions.language.expressions import INVALID_VALUE, Convert, ExpressionError, Value, as_whole_number, in_si, parse
 from missions.language.nodes import HALT_LIMIT, MODIFIERS
+from missions.language.param_hints import counted
 
 
 def read_modifier(context: CheckContext, word: str, node: Node) -> Value:
     """Return the value of the modifier ``word`` from its node."""
     modifier = MODIFIERS[word]
     if not isinstance(node, Scalar):
-        context.fault(node.mark, f"'{word}' needs {modifier.takes}")
+        names = [*node.keys()] if isinstance(node, Entries) else []
+        hint = hole_hint(f"{{{names[0]}}}") if len(names) == 1 else ""
+        context.fault(node.mark, f"'{word}' needs {modifier.takes}", hint)
         return INVALID_VALUE
     return _READERS[modifier.value](context, word, node)
 
@@ -67,7 +71,9 @@ def _count(context: CheckContext, word: str, node: Scalar) -> Value:
             return None
         number = as_whole_number(value)
         if number is None or number < 1:
-            raise ValueError(f"needs a count of 1 or more, or forever, got {quoted_value(value)}")
+            number_alone = counted(value) if isinstance(value, str) else ""
+            hint = f": write {number_alone}" if number_alone else ""
+            raise ValueError(f"needs a count of 1 or more, or forever, got {quoted_value(value)}{hint}")
         return number
 
     return context.read_value(node, f"'{word}'", count, "count")

@@ -474,6 +474,9 @@ def read_params(context: CheckContext, node: Node | None) -> dict[str, Param]:
             context.missing_params.add(key.text)
         else:
             found[key.text] = param
+            default = value.get("default") if isinstance(value, Mapping) and value.get("type") is None else value
+            if isinstance(default, Scalar):
+                context.param_nodes[key.text] = default, param.default
     return found
 
 

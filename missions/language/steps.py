@@ -17,7 +17,7 @@ from missions.language.check_context import MAX_DEPTH, MAX_STEPS, CheckContext
 from missions.language.child_order import read_order
 from missions.language.expressions import INVALID_VALUE, Value
 from missions.language.for_each import read_for_each
-from missions.language.mission_body import read_body, read_returns
+from missions.language.mission_body import FIRST_KEYS_HINT, read_body, read_returns
 from missions.language.modifiers import outdent_hint, read_halt_limit, read_modifier
 from missions.language.nodes import (
     BRANCHES,
@@ -59,7 +59,7 @@ def read_submission(
     if path not in context.vocabulary.files:
         try:
             source = read_source(path)
-            context.vocabulary.files[path] = source, compose(source, context.faults)
+            context.vocabulary.files[path] = source, compose(source, context.faults, empty_hint=FIRST_KEYS_HINT)
         except InvalidFileError as error:
             for fault in error.diagnostics:
                 add_diagnostic(context.faults, fault)

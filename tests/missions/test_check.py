@@ -202,6 +202,7 @@ def test_checker_and_executive_have_the_same_nodes_and_state() -> None:
 NAMES = "known are: n, patience, x, base, battery, face, head, range"
 WITHOUT_DASH = "write it below the behaviour that it is for, without a dash"
 INDENT = "indent it, to stand beside the behaviour above"
+TWICE = "to do both, write a 'sequence' with '- say: ...' on each line"
 ANGLE = "'turn' needs an angle such as '30 deg'"
 UNITS = "(units: deg, rad)"
 
@@ -236,7 +237,7 @@ UNITS = "(units: deg, rad)"
             "a second behaviour, 'drive', beside 'say'",
             "begin it with '- ' in a sequence, or indent it",
         ),
-        (["- say: Hi", "  say: Ho"], "say", "'say' is a duplicate key (first at line 5)", ""),
+        (["- say: Hi", "  say: Ho"], "say", "'say' is a duplicate key (first at line 5)", TWICE),
         (
             ["- sequence: []"],
             "sequence",
@@ -367,7 +368,15 @@ UNITS = "(units: deg, rad)"
         (["- turn: 90"], "90", f"{ANGLE}: '90' has no unit {UNITS}", ""),
         (["- turn: 1.5"], "1.5", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
         (["- turn: '1.5'"], "'1.5'", f"{ANGLE}: '1.5' has no unit {UNITS}", ""),
-        (["- turn: ${x}"], "x", f"{ANGLE}, got a number", "multiply it by 1 deg or 1 rad"),
+        (["- turn: ${x}"], "x", f"{ANGLE}, got a number", "param 'x' (line 2): write '1.5 deg'"),
+        (["- turn: n"], "n", f"{ANGLE}, got 'n'", "did you mean ${n}?"),
+        (["- nod:", "  timeout: {patience}"], "{", "'timeout' needs a duration", "write ${patience} for its value"),
+        (
+            ["- nod:", "  repeat: 4 times"],
+            "4 times",
+            "'repeat' needs a count of 1 or more, or forever, got '4 times': write 4",
+            "",
+        ),
         (["- turn: ${n * 30.0}"], "n * 30.0", f"{ANGLE}, got a number", "multiply it by 1 deg or 1 rad"),
         (["- turn: ${patience}"], "patience", f"{ANGLE}, got a duration", ""),
         (["- turn: 30°"], "30°", f"{ANGLE}: unknown unit '°' (write '30 deg')", ""),
@@ -573,6 +582,22 @@ def test_valid_steps_pass_the_check(lines: list[str]) -> None:
     assert check(steps(*lines)).mission == "m"
 
 
+@pytest.mark.parametrize(
+    ("default", "use", "hint"),
+    [
+        ("30", "drive", "write '30 cm' or '30 m'"),
+        ("0,3 m", "drive", "write '0.3 m'"),
+        ("\u201c30 cm\u201d", "drive", "write '30 cm'"),
+        ("far", "drive", "write a value such as '0.5 m'"),
+        ("5", "wait", "write '5 s' or '5 min'"),
+        ("helo", "gesture", "write 'hello'"),
+    ],
+)
+def test_unsuitable_param_is_named_with_its_line_and_value_to_write(default: str, use: str, hint: str) -> None:
+    text = f"mission: m\nparams:\n  step: {default}\ntree:\n  {use}: ${{step}}\n"
+    assert [each[-1] for each in mistakes(text)] == [f"param 'step' (line 3): {hint}"]
+
+
 def test_variable_that_a_submission_may_set_has_any_type(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text(
         "mission: inner\ntree:\n  find_object: red ball\n  as: b\nreturns: {p: b}\n", encoding="utf-8"
@@ -590,7 +615,7 @@ def test_variable_that_a_submission_may_set_has_any_type(tmp_path: Path) -> None
     [
         ("- a\n", [(1, "-", "a mission begins with keys", "write 'mission: NAME', then 'tree:'")]),
         ("just text", [(1, "just text", "a mission begins with keys", "write 'mission: NAME', then 'tree:'")]),
-        ("", [(1, "", "the file is empty", "")]),
+        ("", [(1, "", "the file is empty", "write 'mission: NAME', then 'tree:'")]),
         ("tree: succeed", [(1, "t", "the mission needs 'mission: ...'", "")]),
         ("mission: m", [(1, "m", "the mission needs 'tree:' with its first behaviour under it", "")]),
         ("mission: m\ntree:\n", [(2, "", "a behaviour is missing here", "")]),
