@@ -35,7 +35,7 @@ $(STAMP): constraints.txt pyproject.toml
 # A third of it: no developers' tools.
 $(DEMO_STAMP): constraints.txt pyproject.toml
 	$(venv)
-	awk -v names="$(DEMO)" 'BEGIN {split(names, each, " "); for (i in each) wanted[each[i]]} \
+	@awk -v names="$(DEMO)" 'BEGIN {split(names, each, " "); for (i in each) wanted[each[i]]} \
 		/^[a-z]/ {split($$1, part, "=="); taken = part[1] in wanted} taken' constraints.txt > $(VENV)/demo.txt
 	$(call install,$(VENV)/demo.txt)
 	@touch $@

@@ -197,8 +197,10 @@ class RunDisplay:
 
     def _reflex(self, event: ReflexFired) -> None:
         what = f" base: {REFLEX_TEXTS[event.condition]}" + (f": {event.where}" if event.where else "")
-        if event.condition == "latched" and event.where.startswith("stopped by mission stop"):
-            what = " base: stopped by `mission stop`; to go on: mission stop --release --resume"
+        if event.condition == "latched" and event.where.startswith("stopped by "):
+            who = event.where.removeprefix("stopped by ")
+            who = "`mission stop`" if who.startswith("mission stop") else who
+            what = f" base: stopped by {who}; to go on: mission stop --release --resume"
         self._lines.print(f"{event.t:6.1f} s  ", ("!", "yellow"), what)
 
     def _log(self, event: Logged) -> None:

@@ -249,6 +249,8 @@ def test_each_command_of_the_tutorial_works(folder: Path, capsys: pytest.Capture
     assert lines[0] == "source .venv/bin/activate"
     for line in lines[1:]:
         program, *words = shlex.split(line)
+        if program in ("mkdir", "cd"):
+            continue
         assert program == "mission"
         if words[0] != "studio":  # a test of the README starts and ends it
             fast = ["--simulate", "fast"] if words[0] == "run" else []

@@ -60,6 +60,17 @@ def press(*numbers: int) -> Callable[[BaseTwin], None]:
     return lambda base: base.press(buttons=frozenset(numbers))
 
 
+@pytest.mark.parametrize(
+    ("where", "who"),
+    [("stopped by viewer 1", "viewer 1"), ("stopped by mission stop (process 5)", "`mission stop`")],
+)
+def test_display_of_a_stop_names_the_command_to_go_on(where: str, who: str) -> None:
+    out = StringIO()
+    display = RunDisplay(out)
+    display(ReflexFired(1.0, 20, "latched", where, on=True))
+    assert f"base: stopped by {who}; to go on: mission stop --release --resume" in out.getvalue()
+
+
 def test_a_critical_battery_ends_a_mission_with_the_base_at_rest(tmp_path: Path) -> None:
     ran = Ran(tmp_path, FAR, {1.0: drain(9.0)})
     assert (ran.result.result, ran.result.reason) == ("failure", "battery critical: 9 %")

@@ -112,7 +112,9 @@ def command(
             link = place.link(access.operator)
             click.echo(f"studio: {link}")
             click.echo(f"to view and stop only: {place.link(access.viewer)}")
-            if not _is_loopback(host):
+            if _is_loopback(host):
+                click.echo("these links work on this computer only; for others: mission studio --host 0.0.0.0")
+            else:
                 _show_code(link)
                 if certificate is None:
                     click.echo("without TLS, others on this network can read the link (--certificate FILE)", err=True)
