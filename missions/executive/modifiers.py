@@ -6,8 +6,9 @@ from typing import ClassVar, Self
 from py_trees.common import Status
 
 from behaviours.node import Node, reset_all
+from behaviours.run import log
 from config.units import quantity_text
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Modifier, Parent
 from missions.executive.state import unmeasured_reason
 from missions.language.expressions import Expression, Value
 from missions.language.nodes import CLEANUP_CLAIMS, FINALLY
@@ -361,7 +362,7 @@ class FinallyModifier(Modifier):
 
     - The cleanup also runs if the node is halted, but not if the node was skipped.
     - It is a part of the end or the halt of the node: no other node starts before the cleanup is over.
-    - It is halted after the time limit in ``setting`` (s).
+    - It is halted after the time limit in ``setting`` (s), or of a cleanup that contains it, but has at least one tick.
     - It cannot move anything. `mission check` refuses leaves in it that claim an actuator. A cleanup with such a leaf
       does not run, and the robot refuses its commands (see ``Node.in_finally``).
     - So it may also run while time passes without ticks.
@@ -400,7 +401,7 @@ class FinallyModifier(Modifier):
                 return True
             self._cleanup_since = now
             self.keep_failure(self.feedback_message if self.child.status is FAILURE else "")
-        elif now - self._cleanup_since >= self.setting or cleanup.status is not RUNNING:
+        elif self.is_cleanup_over() or cleanup.status is not RUNNING:
             return cleanup.halt()
         elif self._cleanup_tick == run.tick:
             return False
@@ -409,14 +410,33 @@ class FinallyModifier(Modifier):
         leaf, preemptible = run.active_leaf, run.preemptible
         run.preemptible = [node for node in preemptible if self not in node.iterate()]
         try:
-            return cleanup.execute_tick() is not RUNNING
+            if cleanup.execute_tick() is not RUNNING:
+                return True
         finally:
             run.active_leaf, run.preemptible = leaf, preemptible
+        return self.is_cleanup_over() and cleanup.halt()
+
+    def is_cleanup_over(self) -> bool:
+        """Return True if the time limit of the cleanup, or of a cleanup that contains this node, is over."""
+        since = self._cleanup_since
+        if since is not None and self.run.now() - since >= self.setting:
+            return True
+        node: Node = self
+        while isinstance(parent := node.parent, Parent):
+            if isinstance(parent, FinallyModifier) and node is parent.cleanup:
+                return parent.is_cleanup_over()
+            node = parent
+        return False
 
     def clear_results(self, cleared: list[Node]) -> None:
-        """Clear all results; if the cleanup still runs, at the time limit of the final halt, halt it first."""
-        if self.cleanup.status is RUNNING:
-            self.cleanup.halt()
+        """Clear all results, after a final halt that took too long; a cleanup that has not started has one tick."""
+        if self.status is RUNNING:
+            self.child.clear_results(cleared)
+            if self._cleanup_since is None:
+                self._clean_up()
+            if self.cleanup.status is RUNNING:
+                self.cleanup.halt()
+                log.warning("the 'finally' of %s (line %s) was cut off", self.child.name, self.line)
         super().clear_results(cleared)
 
 

@@ -211,6 +211,21 @@ def test_final_halt_ends_a_slow_cleanup_after_the_halt_timeout(tmp_path: Path) -
     assert (ended.motions, ended.violations) == ([], [])
 
 
+def test_final_halt_gives_each_pending_cleanup_a_tick_and_names_those_cut_off(tmp_path: Path) -> None:
+    slow = "{drive: 20 m, finally: {wait: 5 s, finally: {log: nested}}, halt_limit: 10 s}"
+    node, outer = f"sequence: [{slow}], finally: {{log: middle}}", "{sequence: [{log: outer}, {wait: 5 s}]}"
+    ended = ending(tmp_path, node, "timeout: 2 s, expect: {result: running}", outer)
+    assert [event.text for event in (*ended.before, *ended.after) if isinstance(event, Logged)] == [
+        "nested",
+        "the 'finally' of drive (line 2) was cut off",
+        "middle",
+        "outer",
+        "the 'finally' of race (line 2) was cut off",
+    ]
+    assert ended.seconds == pytest.approx(2.0 + HALT_TIMEOUT, abs=0.3)
+    assert (ended.motions, ended.violations) == ([], [])
+
+
 def test_mocks_in_a_cleanup_run_as_leaves_do(tmp_path: Path) -> None:
     body = "timeout: 2 s, given: [{say: fails}, {liar: 'runs for 200 ms, then succeeds'}], expect: {result: running}"
     ended = ending(

@@ -340,6 +340,7 @@ def halted(plan: Plan, ticks: int) -> Iterator[int]:
 @example(
     "look: 0 deg, finally: {sequence: [{scene_uniform: 1 s}, {listen: {for: [yes]}}], finally: {scene_uniform: 1 s}}"
 )
+@example("look: 0 deg, finally: {listen: {for: [yes]}, finally: {listen: {for: [yes]}}, halt_limit: 5 s}")
 @given(trees(MODIFIERS[:4], LEAF, cleaning))
 def test_halts_with_cleanups_take_as_long_as_in_brute_force(tree: str) -> None:
     found = plan(tree)
@@ -362,6 +363,7 @@ def test_halts_with_cleanups_take_as_long_as_in_brute_force(tree: str) -> None:
 
 @settings(max_examples=15)
 @example("look: 0 deg, finally: {listen: {for: [yes]}}, retry: 2")
+@example("look: 0 deg, finally: {listen: {for: [yes]}, finally: {listen: {for: [yes]}}, halt_limit: 5 s}")
 @given(trees((*MODIFIERS[:4], *TIMES), LEAF, cleaning))
 def test_runs_with_cleanups_in_any_time_are_explored(tree: str) -> None:
     found = plan(tree)
