@@ -209,6 +209,9 @@ BRANCHES: Mapping[str, ParentKind] = {**COMPOSITES, **OTHER_PARENTS}
 
 RETRY, RECOVER, FINALLY, HALT_LIMIT = "retry", "recover", "finally", "halt_limit"
 
+TIME_LIMITS = frozenset({"for", "timeout"})
+"""Modifiers that halt the node once it has run for a time."""
+
 MODIFIERS: Mapping[str, ModifierKind] = {
     "if": ModifierKind(
         "evaluated once, at the start; if false, the node is skipped: its parent goes on without it",

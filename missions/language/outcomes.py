@@ -21,6 +21,7 @@ from missions.language.nodes import (
     SKIPPED,
     SUCCESS,
     SWITCHES,
+    TIME_LIMITS,
     WAIT_FOR,
     Ends,
 )
@@ -95,8 +96,8 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
     elif occasion and occasion not in possible_ends(child):
         message = f"'{step.kind}' has no effect here: '{child.name}' never {VERBS[occasion]}"
         context.fault_at(step, message, _order_hint(step, child, occasion))
-    elif step.kind == "timeout":
-        _check_delay(context, step, child)
+    elif step.kind in TIME_LIMITS:
+        _check_times(context, step, child)
     elif step.kind == RETRY and len(step.children) > 1 and step.arguments["value"] == Value(1):
         recovery = innermost_step(step.children[1])
         context.fault_at(recovery, f"'{RECOVER}' never runs: no attempt follows the first of '{RETRY}: 1'")
@@ -121,16 +122,31 @@ def _order_hint(step: Step, child: Step, end: str) -> str:
     return ""
 
 
-def _check_delay(context: CheckContext, step: Step, child: Step) -> None:
-    """Report a ``delay`` that is longer than the ``timeout`` around it."""
+def _check_times(context: CheckContext, step: Step, child: Step) -> None:
+    """Report a ``delay`` that is longer than the ``timeout`` or ``for`` around it, and a limit without effect.
+
+    ``step`` is the outer one of two limits. It has no effect if a shorter one inside ends the node first.
+    """
     limit = step.arguments["value"].constant
-    while child.leaf is None and "value" in child.arguments:
-        wait = child.arguments["value"].constant
-        if child.kind == "delay" and isinstance(wait, float) and isinstance(limit, float) and wait >= limit:
-            what = f"the 'delay' of {child.text} is longer than the 'timeout' of {step.text} around it"
-            hint = f"the order is the cause: write 'timeout' above 'delay' (line {child.mark.line})"
+    limits_all = True  # a limit inside bounds the whole time of ``step``
+    while child.leaf is None and "value" in child.arguments and isinstance(limit, float):
+        own = child.arguments["value"].constant
+        outer, inner = f"the '{step.kind}' of {step.text}", f"the '{child.kind}' of {child.text}"
+        if child.kind == "delay" and isinstance(own, float) and own >= limit:
+            what = f"{inner} is longer than {outer} around it"
+            hint = f"the order is the cause: write '{step.kind}' above 'delay' (line {child.mark.line})"
             context.fault_at(innermost_step(child), f"'{child.name}' is never reached: {what}", hint)
+        elif child.kind in TIME_LIMITS and isinstance(own, float):
+            if own >= limit:
+                context.fault_at(child, f"'{child.kind}' has no effect here: {outer} around it is over first")
+            elif limits_all:
+                context.fault_at(step, f"'{step.kind}' has no effect here: {inner} inside it is over first")
+        limits_all = limits_all and child.kind not in LENGTHENING_MODIFIERS
         child = child.children[0]
+
+
+LENGTHENING_MODIFIERS = frozenset({"delay", "hold", RETRY, "repeat", FINALLY})
+"""Modifiers that can run for longer than their child."""
 
 
 def innermost_step(step: Step) -> Step:

@@ -10,6 +10,26 @@ CASES = {
         "'drive' is never reached: the 'delay' of 10 s is longer than the 'timeout' of 5 s around it",
         "the order is the cause: write 'timeout' above 'delay' (line 5)",
     ),
+    "drive: 1 m\ndelay: 10 s\nfor: 5 s": (
+        "'drive' is never reached: the 'delay' of 10 s is longer than the 'for' of 5 s around it",
+        "the order is the cause: write 'for' above 'delay' (line 5)",
+    ),
+    "drive: 1 m\nfor: 10 s\ntimeout: 2 s": (
+        "'for' has no effect here: the 'timeout' of 2 s around it is over first",
+        "",
+    ),
+    "drive: 1 m\ntimeout: 10 s\nretry: 2\nfor: 2 s": (
+        "'timeout' has no effect here: the 'for' of 2 s around it is over first",
+        "",
+    ),
+    "drive: 1 m\nfor: 2 s\ntimeout: 10 s": (
+        "'timeout' has no effect here: the 'for' of 2 s inside it is over first",
+        "",
+    ),
+    "drive: 1 m\ntimeout: 2 s\nfor: 10 s": (
+        "'for' has no effect here: the 'timeout' of 2 s inside it is over first",
+        "",
+    ),
     "drive: 1 m\non_failure: succeed\nretry: 3": (
         "'retry' has no effect here: 'drive' never fails",
         "the order is the cause: write 'retry' above 'on_failure' (line 5)",
@@ -33,3 +53,9 @@ def test_the_same_modifiers_in_the_other_order_are_good() -> None:
     for tree in ("drive: 1 m\ntimeout: 5 s\ndelay: 10 s", "drive: 1 m\nretry: 3\non_failure: succeed"):
         assert plan_of(tree).tree.children
     assert plan_of("drive: 1 m\ndelay: 4 s\ntimeout: 5 s").tree.kind == "timeout"
+
+
+def test_two_time_limits_are_good_if_a_modifier_between_them_takes_longer_than_the_inner_one() -> None:
+    for between in ("retry: 9", "repeat: 9", "delay: 1 s", "finally: succeed"):
+        assert plan_of(f"drive: 1 m\nfor: 2 s\n{between}\ntimeout: 5 s").tree.kind == "timeout"
+    assert plan_of("check: base.x > 1 m\ntimeout: 1 s\nhold: 2 s\nfor: 9 s").tree.kind == "for"

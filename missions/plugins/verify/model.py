@@ -17,6 +17,7 @@ from behaviours.run import SENSOR_TIMEOUT, RunState
 from missions.executive.build import Scope, build
 from missions.executive.modifiers import (
     MAX_RETICK_INTERVAL,
+    ForModifier,
     HoldModifier,
     InvertModifier,
     OnFailureModifier,
@@ -481,7 +482,7 @@ class MissionModel:
         self.watch.timed_nodes = {
             node: _status_when_over(node)
             for node in self.nodes
-            if isinstance(node, TimeoutModifier | HoldModifier | WaitStandIn)
+            if isinstance(node, ForModifier | HoldModifier | WaitStandIn)
         }
         self.watch.reads = variable_readers(plan.tree, self.nodes)
         self._snapshots = Snapshots(self.nodes, self.timing)

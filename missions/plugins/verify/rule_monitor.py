@@ -8,6 +8,7 @@ from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, IDLE, RUNNING, Leaf
 from behaviours.node import Node
+from missions.executive.modifiers import ForModifier
 from missions.executive.parent import Modifier
 from missions.language.plan import MissionProperty
 from missions.plugins.verify.choices import Oracle
@@ -201,8 +202,10 @@ class RuleMonitor:
             self.reached.add(node)
         if status is RUNNING:
             return
-        if self.timed_nodes.get(node) is status and all(child.status is not FAILURE for child in node.children):
-            self.expired.add(node)  # the timeout itself has failed, not its child
+        if self.timed_nodes.get(node) is status and not (
+            isinstance(node, ForModifier) and any(child.status is status for child in node.children)
+        ):
+            self.expired.add(node)  # its time is over; it is not its child that has ended
         if status is FAILURE:
             if node in self.reads:
                 self._check_reads(node, reason)

@@ -10,7 +10,7 @@ from config.diagnostics import Diagnostic, Mark, SourceText
 from config.units import quantity_text
 from drivers.clock import Clock
 from missions.executive.modifiers import RepeatModifier, RetryModifier
-from missions.language.nodes import NODES
+from missions.language.nodes import NODES, TIME_LIMITS
 from missions.language.plan import Plan, Step, composite_kind
 from missions.plugins.verify.explore import (
     GOING,
@@ -132,14 +132,17 @@ class RuleChecker:
         step = self._steps[node.key]
         own = _seconds(step)
         around = [self._steps[node.key[:end]] for end, sign in enumerate(node.key) if sign == "."][::-1]
-        limits = [each for each in around if each.kind == "timeout"]
+        limits = [each for each in around if each.kind in TIME_LIMITS]
         sooner = [each for each in limits if own is not None and (_seconds(each) or inf) <= own]
         if sooner:
-            why = f"the 'timeout' of {sooner[0].text} around it (line {sooner[0].mark.line}) is over first"
-        elif step.kind == "timeout":
+            first = sooner[0]
+            why = f"the '{first.kind}' of {first.text} around it (line {first.mark.line}) is over first"
+        elif step.kind in TIME_LIMITS:
             why = f"'{_unwrap_modifiers(step).name}' has always ended before"
+        elif limits:
+            why = f"the '{limits[0].kind}' around it (line {limits[0].mark.line}) leaves it no time"
         else:
-            why = f"the 'timeout' around it (line {limits[0].mark.line}) leaves it no time" if limits else "see above"
+            why = "a node around it always ends it before"
         return Diagnostic(step.source, step.mark, f"'{step.kind}' of {step.text} is never over", why)
 
     def _check_rest(self) -> RuleVerdict:

@@ -44,6 +44,7 @@ FAULTS: dict[str, tuple[str, int, str, int | None]] = {
     "wait_longer_than_timeout": (TIMES, 5, "'wait' of 10 s is never over", None),
     "waits_that_add_up": (TIMES, 6, "'wait' of 3 s is never over", None),
     "inner_timeout_never_fires": (TIMES, 6, "'timeout' of 20 s is never over", None),
+    "inner_for_never_over": (TIMES, 6, "'for' of 20 s is never over", None),
     "says_after_too_short_a_time": (REACHED, 6, "'say' is never reached", None),
     "greets_too_early": (SET, 9, "'guest' is read here, but nothing has set it", 2),
     "asks_what_nobody_set": (SET, 9, "'guest' is read here, but nothing has set it", 1),
