@@ -103,3 +103,11 @@ def test_two_hundred_missions_are_listed(browser: Browser, beside: Served, folde
     finally:
         for path in many:
             path.unlink(missing_ok=True)
+
+
+def test_viewer_cannot_press_the_buttons_that_start_missions(browser: Browser, beside: Served) -> None:
+    page = Page(browser, beside, beside.viewer, view="#run/my%20dance.yaml")
+    page.wait_for("Viewers cannot start missions.", "Run simulated")
+    buttons = "[...document.querySelectorAll('.motions button, .actions .main')].every((each) => each.disabled)"
+    assert page.tab.evaluate(buttons)
+    assert not page.enabled("Run simulated")

@@ -40,7 +40,9 @@ class RecordLoss:
         parts = []
         if self.counts:
             counts = ", ".join(f"{count} on {topic}" for topic, count in sorted(self.counts.items()))
-            parts.append(f"{sum(self.counts.values())} messages are missing ({self.reason or 'lost'}): {counts}")
+            total = sum(self.counts.values())
+            noun = "message is" if total == 1 else "messages are"
+            parts.append(f"{total} {noun} missing ({self.reason or 'lost'}): {counts}")
         elif self.reason:
             parts.append(self.reason)
         if self.limit_reached_at is not None:

@@ -109,7 +109,7 @@ export function on_frame(work, every = 0) {
     const began = performance.now();
     waiting = false;
     work();
-    // A timeout that is set in a frame runs after it was drawn, so this measures the drawing too.
+    // A timeout set in a frame runs after drawing, so this measures it too.
     setTimeout(() => (next = began + Math.max(every, REDRAW_FACTOR * (performance.now() - began))));
   };
   return () => {

@@ -10,7 +10,7 @@ import "./stick.js";
 const SEND_INTERVAL = 60; // milliseconds between commands
 const GIVE_TIMEOUT = 1000; // milliseconds in which a run reports its driver
 const ZERO_COMMANDS = 3; // zero commands sent after the last one that moves
-const PROBE_INTERVAL = 500; // milliseconds between commands while the stick rests, so that the run can measure the round trip
+const PROBE_INTERVAL = 500; // milliseconds between commands at rest, for the round trip
 export const MAX_STATE_AGE = 500; // milliseconds; the run refuses commands that are based on an older state
 const KEYS = {
   w: [1, 0, 0, 0], ArrowUp: [1, 0, 0, 0], s: [-1, 0, 0, 0], ArrowDown: [-1, 0, 0, 0],
@@ -184,12 +184,12 @@ export class Drive {
   #read_pads() {
     const all = [...(navigator.getGamepads?.() ?? [])].filter((each) => each?.connected);
     const pads = all.filter((each) => each.mapping === "standard");
-    // Without the standard mapping (mode D) the red button is unknown: every button is STOP.
+    // Without the standard mapping (mode D) every button is STOP.
     const stops = (each) => (each.mapping === "standard" ? each.buttons[STOP_BUTTON]?.pressed : each.buttons.some((one) => one.pressed));
     const red = all.filter(stops).map((each) => each.index);
     const pressed = red.some((index) => !this.#held_stops.includes(index));
     this.#held_stops = red;
-    if (pressed) this.#stop.stop(); // always: also while driving is blocked, in another view, or on a second pad
+    if (pressed) this.#stop.stop(); // also while blocked, in another view, or on a second pad
     const pad = pads[0];
     if (!pad && all.length && this.#is_shown) {
       put(this.#pad, "Game pad: unknown layout. Every button is STOP, and the sticks do nothing; set its switch to X (XInput).");

@@ -87,8 +87,7 @@ link.on("how", (how) => {
     document.getElementById("notes").lastChild.prepend(el("button", { type: "button", class: "main", onclick: () => location.reload() }, "Reload"));
   }
 });
-// Errors without a pending command are about driving. The page already shows that the run has ended or is stopped,
-// that another client drives, or that commands come too late.
+// Errors without a pending command are about driving; the page already shows these.
 link.on("trouble", (error) => ["no_such_run", "stopped", "no_wheels", "stale", "let_go"].includes(error.error) || notify(error));
 watcher.addEventListener("runs", runs);
 watcher.addEventListener("which", runs);

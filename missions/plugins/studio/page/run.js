@@ -26,6 +26,8 @@ export class Run {
   #list = el("ul", { class: "missions" });
   #own_heading = el("li", { class: "group" }, "Your missions");
   #shipped_heading = el("li", { class: "group" }, "Shipped with MissionTree");
+  #hint = el("p", { class: "hint" });
+  #queue_button = button("Add to the queue", () => this.#queue());
   #motions = el("div", { class: "motions", role: "group", "aria-label": "Course exercises" });
   #people = el("p", { class: "hint" });
   #person = el("input", { type: "text", autocomplete: "off" });
@@ -45,6 +47,10 @@ export class Run {
     retry: el("input", { type: "text", inputmode: "numeric", value: "0" }),
   };
 
+  get #may() {
+    return this.#link.welcome?.role === "operator";
+  }
+
   constructor({ link, watcher, stop }) {
     this.#link = link;
     this.#watcher = watcher;
@@ -52,13 +58,15 @@ export class Run {
     this.#search.addEventListener("input", () => this.#filter());
     const library = panel("Missions", "missions", this.#search, this.#trouble, this.#list);
     this.node = el("div", { class: "view run" },
-      el("div", { class: "side" }, panel("Course exercises", "eight", el("p", { class: "hint" }, "A press starts one, simulated."), this.#motions), library, panel("People", "people", this.#people, this.#person_form),
+      el("div", { class: "side" }, panel("Course exercises", "eight", this.#hint, this.#motions), library, panel("People", "people", this.#people, this.#person_form),
         panel("Diagnostics", "checkup", this.#checkup), this.#links),
       this.#form);
   }
 
   async show(name) {
-    this.#links.hidden = this.#person_form.hidden = this.#link.welcome?.role !== "operator";
+    this.#links.hidden = this.#person_form.hidden = !this.#may;
+    put(this.#hint, this.#may ? "A press starts one, simulated." : "Viewers cannot start missions.");
+    this.#enable();
     clearInterval(this.#timer);
     this.#timer = setInterval(() => document.hidden || this.#refresh(), REFRESH_INTERVAL);
     try {
@@ -98,6 +106,7 @@ export class Run {
         node.append(el("b", null, String(at + 1)), el("span", null, plain(name.split("/").at(-1))));
         return node;
       }));
+      this.#enable();
     }
     this.#arrange(library.missions);
     put(this.#trouble, library.trouble);
@@ -180,7 +189,7 @@ export class Run {
         el("div", { class: "fields two" }, field("At", at, "18:00, or 2026-12-24 18:00"), field("Every", every, "30 min, day, monday 18:00"),
           field("Priority", priority, "-100 to 100, the highest runs first"), field("Retries", retry, "after a failure")),
         this.#approval,
-        button("Add to the queue", () => this.#queue())),
+        this.#queue_button),
       panel("Tree", "preview", tree));
     this.#show_target();
   }
@@ -193,7 +202,7 @@ export class Run {
 
   /** Start a simulated motion at once; on a robot, open its form, which asks for confirmation. */
   #start_motion(name) {
-    if (this.#target.real || this.#link.welcome?.role !== "operator") location.hash = `#run/${encodeURIComponent(name)}`;
+    if (this.#target.real) location.hash = `#run/${encodeURIComponent(name)}`;
     else this.#launch(name, {});
   }
 
@@ -206,10 +215,9 @@ export class Run {
   }
 
   async #launch(mission, params) {
-    const buttons = [this.#run_button, ...this.#motions.children];
     try {
       const members = this.#target.members();
-      for (const each of buttons) each.disabled = true;
+      this.#enable(false);
       notify(`Starting ${plain(mission)}…`, "good");
       const { run, message } = await this.#link.ask({ do: "start", mission, params, ...members }, 60000);
       if (message) notify(message);
@@ -219,8 +227,12 @@ export class Run {
     } catch (error) {
       notify(error);
     } finally {
-      for (const each of buttons) each.disabled = false;
+      this.#enable();
     }
+  }
+
+  #enable(may = this.#may) {
+    for (const each of [this.#run_button, this.#queue_button, ...this.#motions.children]) each.disabled = !may;
   }
 
   async #queue() {

@@ -30,7 +30,7 @@ from missions.plugins.records.recording.budget import DEFAULT_FRAME_RATE, DEFAUL
 from missions.plugins.records.recording.record_header import RecordContents
 from missions.plugins.records.recording.recorder import Recorder
 from missions.plugins.records.recording.run_record import open_record
-from missions.plugins.records.recording.writer_client import CannotRecordError
+from missions.plugins.records.recording.writer_client import CannotRecordError, RecordLoss
 from perception.api import Gaze, View
 from tests.missions.records.recording.small_record import FILES, HEAD, face, items, moments
 from tests.missions.records.recording.stand_in_run import moment
@@ -451,3 +451,8 @@ def until(run: "subprocess.Popen[str]", t: float) -> tuple[float, float]:
     while last < begun + t:
         last = float(run.stdout.readline())
     return begun, last
+
+
+def test_record_loss_of_one_message_is_singular() -> None:
+    assert str(RecordLoss({"/camera": 1}, "the disk is full")).startswith("1 message is missing (the disk is full)")
+    assert str(RecordLoss({"/camera": 2}, "the disk is full")).startswith("2 messages are missing (the disk is full)")
