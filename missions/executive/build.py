@@ -16,8 +16,8 @@ from missions.executive.modifiers import MODIFIERS, WaitFor
 from missions.executive.parent import Parent
 from missions.executive.state import BoundCondition
 from missions.executive.submission import Submission
-from missions.language.arguments import CONDITION_KIND
 from missions.language.expressions import Value, as_quantity, reads_failure
+from missions.language.inference import CONDITION_KIND
 from missions.language.kinds import kind_of_type
 from missions.language.nodes import (
     FAILURE_NAME,

@@ -29,9 +29,10 @@ from missions.language.expressions import (
     map_data,
     parse,
 )
+from missions.language.inference import CONDITION_KIND
 from missions.language.kinds import ListKind
 from missions.language.lists import default_value
-from missions.language.modifiers import outdent_hint, read_expression
+from missions.language.modifiers import outdent_hint, read_condition
 from missions.language.nodes import MISSION
 from missions.language.operators import describe_value
 from missions.language.param_hints import sole_name
@@ -62,9 +63,6 @@ def check_text(context: CheckContext, name: Scalar, node: Node) -> None:
         hint = f'write {name.text}: "${{{node.text}}}", or quotes around it for the text'
         context.fault(node.mark, message, hint)
 
-
-CONDITION_KIND = "condition"
-"""Kind of an argument that is an expression, evaluated by the leaf itself."""
 
 CONDITION_HINT = "such as battery.percent > 20"
 
@@ -239,7 +237,7 @@ def _read_condition(context: CheckContext, node: Scalar, label: str) -> Value:
     if node.value is None:
         context.fault(node.mark, f"{label} needs an expression", CONDITION_HINT)
         return INVALID_VALUE
-    return read_expression(context, label, node, bool)
+    return read_condition(context, label, node)
 
 
 _READERS: dict[str, Callable[[CheckContext, Scalar, str], Value]] = {

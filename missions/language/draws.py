@@ -1,9 +1,9 @@
 """Check for ``random`` in expressions that are evaluated at every tick, where its value would change all the time."""
 
 from config.diagnostics import Diagnostic, add_diagnostic
-from missions.language.arguments import CONDITION_KIND
 from missions.language.check_context import CheckContext
 from missions.language.expressions import Expression
+from missions.language.inference import CONDITION_KIND
 from missions.language.nodes import MODIFIERS, REACTIVE_SWITCH
 from missions.language.operators import RANDOM
 from missions.language.plan import Step

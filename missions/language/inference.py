@@ -266,6 +266,10 @@ def _kind_of_data(data: object, kinds: Mapping[str, Kind]) -> Kind:
     return ListKind(kind)
 
 
+CONDITION_KIND = "condition"
+"""Kind of a value that must be true or false: of ``if``, ``while``, ``until``, ``check`` and ``wait_until``."""
+
+
 @dataclass(frozen=True, slots=True)
 class ExpressionLocation:
     """Place of an expression: the scalar ``node`` of the file ``source``, for error messages.
@@ -309,14 +313,37 @@ def find_mismatches(
 
         kind = TypeInference(kinds, report).kind(part.tree)
         after = parts[number + 1] if number + 1 < len(parts) else ""
-        wrong = (
-            _mismatch_alone(kind, where.wanted_kind)
-            if len(parts) == 1
-            else _mismatch_before_unit(kind, after, where.wanted_kind)
-        )
+        if where.wanted_kind == CONDITION_KIND:
+            wrong = _no_condition(part.tree, kind)
+        elif len(parts) == 1:
+            wrong = _mismatch_alone(kind, where.wanted_kind)
+        else:
+            wrong = _mismatch_before_unit(kind, after, where.wanted_kind)
         if wrong is not None:
             note(part, part.tree, *wrong)
     return faults
+
+
+def _no_condition(node: ast.expr, kind: Kind) -> tuple[str, str] | None:
+    """Return error and hint if an expression of ``kind`` is no condition; None for one that may be true or false.
+
+    A number in a variable is accepted: it may stand for true or false.
+    """
+    match node:
+        case ast.Constant():
+            fits = kind in (FLAG, NOTHING)
+        case ast.Attribute(value=ast.Name(id=name)) if name in STATE_KINDS:
+            fits = not (is_numeric(kind) or kind == TEXT)
+        case _:
+            fits = not is_numeric(kind) or kind == NUMBER
+    if fits:
+        return None
+    hint = (
+        "for a time, write 'for', 'timeout' or 'wait'"
+        if kind == "duration"
+        else "compare it, as in: battery.percent > 20"
+    )
+    return f" needs a condition that is true or false, got {describe_kind(kind)}", hint
 
 
 def _mismatch_alone(kind: Kind, wanted_kind: Kind) -> tuple[str, str] | None:

@@ -9,6 +9,7 @@ from config.yaml_nodes import Mapping as Entries
 from config.yaml_nodes import Node, Scalar
 from missions.language.check_context import CheckContext, hole_hint
 from missions.language.expressions import INVALID_VALUE, Convert, ExpressionError, Value, as_whole_number, in_si, parse
+from missions.language.inference import CONDITION_KIND
 from missions.language.nodes import HALT_LIMIT, MODIFIERS
 from missions.language.param_hints import counted
 
@@ -80,11 +81,16 @@ def _count(context: CheckContext, word: str, node: Scalar) -> Value:
 
 
 def _condition(context: CheckContext, word: str, node: Scalar) -> Value:
-    return read_expression(context, f"'{word}'", node, bool)
+    return read_condition(context, f"'{word}'", node)
 
 
-def read_expression(context: CheckContext, label: str, node: Scalar, convert: Convert) -> Value:
-    """Read an expression that is evaluated later; ``label`` begins an error message."""
+def read_condition(context: CheckContext, label: str, node: Scalar) -> Value:
+    """Read an expression that must be true or false; ``label`` begins an error message."""
+    return read_expression(context, label, node, bool, CONDITION_KIND)
+
+
+def read_expression(context: CheckContext, label: str, node: Scalar, convert: Convert, kind: str = "") -> Value:
+    """Read an expression of the given ``kind`` that is evaluated later; ``label`` begins an error message."""
     # People write both `if: count < 3` and `if: ${count < 3}`.
     hole = re.fullmatch(r"\s*\$\{(.*)\}\s*", node.text, re.DOTALL)
     try:
@@ -92,7 +98,7 @@ def read_expression(context: CheckContext, label: str, node: Scalar, convert: Co
     except ExpressionError as error:
         context.expression_fault(node, error, label)
         return INVALID_VALUE
-    return context.read_formula(node, expression, label, convert)
+    return context.read_formula(node, expression, label, convert, kind)
 
 
 def _constant(context: CheckContext, word: str, node: Scalar) -> Value:

@@ -313,6 +313,19 @@ UNITS = "(units: deg, rad)"
             "",
         ),
         (["- dance"], "dance", "unknown behaviour 'dance'", LIST_HINT),
+        # values that are no conditions
+        (
+            ["- say: a", "  until: 5 s"],
+            "5 s",
+            "'until' needs a condition that is true or false, got a duration",
+            "for a time, write 'for', 'timeout' or 'wait'",
+        ),
+        (
+            ["- check: battery.percent"],
+            "battery.percent",
+            "'check' needs a condition that is true or false, got a percent",
+            "compare it, as in: battery.percent > 20",
+        ),
         # conditions without an expression, and what can never be waited for
         (["- check:"], "check", "'check' needs 'condition': an expression that is true or false", ""),
         (["- check: [n]"], "[", "'check' needs one value, not a list", ""),
