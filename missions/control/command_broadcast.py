@@ -28,6 +28,9 @@ RUN_END_TIMEOUT = 7.0
 STOP_TRIES = 8
 """Maximum number of stop requests to a run until all its parts have confirmed; one may take over 0.2 s."""
 
+NOT_STOPPED = "not stopped"
+"""Start of the reply to ``release`` of a run that is not stopped."""
+
 GONE_ERRORS = (ConnectionRefusedError, FileNotFoundError)
 """Errors of a connection to a socket without a listener, or a removed one."""
 
@@ -185,6 +188,8 @@ class CommandBroadcast:
         except BaseException:
             self._claimed_runs.discard(_run_key(link))  # it may be reachable by another address
             raise
+        if len(words) > 1 and words[0][1].startswith(NOT_STOPPED) and words[1][0]:
+            words = [(True, "was not stopped; it goes on")]
         name = process.description if process.holder is not None or not run_info else _description_of(link)
         self.outcomes[process] = all(good for good, _ in words), name + "".join(f": {each}" for _, each in words)
         self.replied_runs.add(process.run)

@@ -173,6 +173,8 @@ def test_mission_stop_stops_a_run_of_another_terminal(tmp_path: Path, capsys: py
         wait_until(lambda: base.seen().moving)
         again = command(capsys, "stop", "--release")
         assert (again.code, again.out) == (1, f"{name}: not stopped: nothing to release\n")
+        both = command(capsys, "stop", "--release", "--resume")
+        assert (both.code, both.out) == (0, f"{name}: was not stopped; it goes on\n")
         ended = command(capsys, "stop", "--end", str(process.process.pid))
         assert (ended.code, ended.out) == (0, f"{name}: stopped (base): is being ended\n")
         wait_until(lambda: process.process.poll() is not None)
