@@ -35,7 +35,7 @@ from missions.plugins.records.recording.items import (
     topic_of,
 )
 from missions.plugins.records.recording.record_header import RecordContents
-from missions.plugins.records.recording.writer_client import RecordLoss, RecordWriterClient
+from missions.plugins.records.recording.writer_client import SUPERSEDED, RecordLoss, RecordWriterClient
 from missions.trees.drawing import ACTIVE
 from perception.api import Frame, Gaze, View
 
@@ -151,12 +151,8 @@ START_TIMEOUT, LOSSLESS_START_TIMEOUT = 20.0, 120.0
 CLOSE_TIMEOUT, LOSSLESS_CLOSE_TIMEOUT = 5.0, 120.0
 """``CLOSE_TIMEOUT`` in simulated time, where the writer may be far behind and nothing waits."""
 
-SLOW_DISK, NOT_PACKABLE, SUPERSEDED = (
-    "the disk is too slow",
-    "a value cannot be pickled",
-    "replaced by a newer picture",
-)
-"""Reason of a replaced picture, as ``SLOW_DISK`` and ``NOT_PACKABLE`` are reasons of items that were never sent."""
+SLOW_DISK, NOT_PACKABLE = "the disk is too slow", "a value cannot be pickled"
+"""Reasons of items that were never sent to the writer process."""
 
 HealthCheck = Callable[[], Mapping[str, Health]]
 

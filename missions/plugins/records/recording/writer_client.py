@@ -77,6 +77,9 @@ TRANSITIONS: Final = {
     (WriterState.RECORDING, WriterEvent.CLOSE): WriterState.CLOSED,
 }
 
+SUPERSEDED = "replaced by a newer picture"
+"""Reason of a picture that is missing because the computer was busy; this is no fault."""
+
 POLL_INTERVAL = 0.1
 """Seconds between two checks whether ``abandon`` was called, while the pipe to the writer process is full."""
 
@@ -208,7 +211,7 @@ class RecordWriterClient:
             case {"failed": str(why)}:
                 self._stop(why)
             case {"lost": dict(lost), "why": str(why)}:
-                if not self.lost:
+                if why != SUPERSEDED and (not self.lost or self.reason == SUPERSEDED):
                     self.problems.append(f"{why}: messages are being lost")
                 self.lost, self.reason = lost, why
             case {"renamed": str(name)}:

@@ -52,3 +52,12 @@ def test_line_after_the_end_revives_no_process() -> None:
     outlet._stop("its process has ended")
     outlet._handle_line(b'{"ready": true}')
     assert outlet.state is WriterState.ABORTED
+
+
+def test_replaced_picture_is_no_fault_and_a_later_loss_is_one() -> None:
+    outlet = new_outlet()
+    outlet._handle_line(b'{"lost": {"/camera": 1}, "why": "replaced by a newer picture"}')
+    assert not outlet.problems
+    assert outlet.lost == {"/camera": 1}
+    outlet._handle_line(b'{"lost": {"/camera": 2}, "why": "replaced by a newer picture; the disk is too slow"}')
+    assert list(outlet.problems) == ["replaced by a newer picture; the disk is too slow: messages are being lost"]
