@@ -146,7 +146,10 @@ def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: N
     values: dict[str, Value] = {}
     if isinstance(node, Mapping):
         for name, value_node in node.entries:
-            if name.text in declared:
+            if hint := _condition_hint(context, leaf, name, value_node):
+                context.fault(name.mark, f"'{name.text}' is a condition already", hint)
+                values |= dict.fromkeys(declared, INVALID_VALUE)
+            elif name.text in declared:
                 values[name.text] = read_argument(
                     context, declared[name.text], value_node, f"'{leaf.tag}': '{name.text}'"
                 )
@@ -163,6 +166,20 @@ def read_arguments(context: CheckContext, leaf: type[Leaf], key: Scalar, node: N
         else:
             _report_no_principal(context, leaf, node)
     return values | _defaults(context, leaf, key, values)
+
+
+def _condition_hint(context: CheckContext, leaf: type[Leaf], name: Scalar, node: Node) -> str:
+    """Return the hint for a condition among leaves that is written as an argument of ``check`` or ``wait_until``.
+
+    Empty for all other arguments.
+    """
+    inner = context.leaves.get(name.text)
+    if inner is None or name.text in leaf.arguments or not (inner.instant and {"success", "failure"} <= inner.ends):
+        return ""
+    value = node.text if isinstance(node, Scalar) else "..."
+    return {"check": f"write - {name.text}: {value}", "wait_until": f"write - wait_for: {{{name.text}: {value}}}"}.get(
+        leaf.tag, ""
+    )
 
 
 def _defaults(context: CheckContext, leaf: type[Leaf], key: Scalar, given: dict[str, Value]) -> dict[str, Value]:

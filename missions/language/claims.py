@@ -79,9 +79,9 @@ def check_cleanups(context: CheckContext, tree: Step) -> None:
             what = f"drives the {moved[0]}" if moved else "sends a message of ROS 2" if _sends(leaf.leaf) else ""
             if what:
                 hint = "only leaves for light, screen and voice, or without actuators, may run there"
-                context.fault_at(
-                    leaf, f"'{leaf.kind}' {what}, and 'finally' (line {step.mark.line}) must not move anything", hint
-                )
+                file = "" if step.source is leaf.source else f" of {step.source.name}"
+                where = f"'finally' (line {step.mark.line}{file})"
+                context.fault_at(leaf, f"'{leaf.kind}' {what}, and {where} must not move anything", hint)
 
 
 def _sends(leaf: type[Leaf]) -> bool:

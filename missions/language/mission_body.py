@@ -15,6 +15,7 @@ from missions.language.expressions import Value
 from missions.language.modifiers import read_expression
 from missions.language.param_types import Param, find_setters, read_params, single_kind_leaves
 from missions.language.plan import MissionProperty, PlaceholderLeaf, Step
+from missions.language.split_values import join_split_values
 from missions.language.synonyms import SYNONYMS, explained_hint
 
 PROPERTIES = {
@@ -180,6 +181,8 @@ def read_body(
         context.fault(root.mark, "a mission begins with keys", FIRST_KEYS_HINT)
         return None
     context.has_unreadable_line = context.has_unreadable_line or root.torn
+    if _SPLIT_VALUE.search(context.source.text):
+        root = _with_joined_values(context, root)
     for key, _ in root.entries:
         if key.text not in MISSION_KEYS:
             hint = explained_hint(key.text) or suggest_key(key.text, MISSION_KEYS, SYNONYMS)
@@ -199,6 +202,21 @@ def read_body(
     properties = read_properties(context, root.get("properties"), tree)
     returns = read_returns(context, root.get("returns"))
     return MissionBody(mission, summary, tree, returns, properties, _if_interrupted(context, root))
+
+
+_SPLIT_VALUE = re.compile(r"[{\[].*\([^()]*,")
+"""Pattern of a text in flow style with a comma in brackets: the files in which a value may be split."""
+
+
+def _with_joined_values(context: CheckContext, root: Mapping) -> Mapping:
+    """Report each value that YAML has split at a comma, and return the mission with its parts joined."""
+
+    def report(value: Scalar) -> None:
+        message = f"{quoted_value(value.text)} is split at its comma in {{...}} or [...]"
+        context.fault(value.mark, message, f'put quotes around it: "{value.text}"')
+
+    joined = join_split_values(root, report)
+    return joined if isinstance(joined, Mapping) else root
 
 
 def _header(context: CheckContext, root: Mapping, key: str, *, required: bool = False) -> str:

@@ -41,8 +41,17 @@ def check_outcomes(context: CheckContext, tree: Step) -> None:
             _check_counts(context, step)
         elif step.kind in MODIFIERS:
             _check_pointless(context, step, step.children[0])
-        elif step.kind == WAIT_FOR and FAILURE not in possible_ends(step.children[0]):
-            context.fault_at(step, f"'{WAIT_FOR}' has no effect here: '{step.children[0].name}' never fails")
+        elif step.kind == WAIT_FOR:
+            _check_wait(context, step, step.children[0])
+
+
+def _check_wait(context: CheckContext, step: Step, child: Step) -> None:
+    """Report a ``wait_for`` around a child that never fails or never succeeds."""
+    ends = possible_ends(child)
+    if FAILURE not in ends:
+        context.fault_at(step, f"'{WAIT_FOR}' has no effect here: '{child.name}' never fails")
+    elif ends.isdisjoint({SUCCESS, SKIPPED}):
+        context.fault_at(step, f"'{WAIT_FOR}' is never over: '{child.name}' never succeeds")
 
 
 def _check_unreached(context: CheckContext, step: Step, passes: str) -> None:

@@ -6,6 +6,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from behaviours.basics import WaitUntil
 from behaviours.leaf import Leaf
 from config.diagnostics import InvalidFileError, add_diagnostic, own_words_for, suggest_from
 from config.library import kinds_of
@@ -15,8 +16,9 @@ from drivers.api.kinds import REPEATABLE_KINDS
 from missions.language.arguments import read_arguments
 from missions.language.check_context import MAX_DEPTH, MAX_STEPS, CheckContext
 from missions.language.child_order import read_order
-from missions.language.expressions import INVALID_VALUE, Value
+from missions.language.expressions import INVALID_VALUE, ExpressionError, Value, in_si, parse
 from missions.language.for_each import read_for_each
+from missions.language.kinds import STATE_KINDS
 from missions.language.mission_body import FIRST_KEYS_HINT, read_body, read_returns
 from missions.language.modifiers import outdent_hint, read_halt_limit, read_modifier
 from missions.language.nodes import (
@@ -361,6 +363,8 @@ def _read_behaviour(context: CheckContext, key: Scalar, value: Node | None, besi
         context.check_new_name(keep_as, "'as'")
         if key.text != MISSION and (leaf is None or not leaf.output_doc):
             hint = "indent it, to stand beside the behaviour above" if key.text in COMPOSITES else ""
+            if key.text == WAIT_FOR:
+                hint = f"put 'as' inside, such as {WAIT_FOR}: {{face_seen: , as: {keep_as.text}}}"
             context.fault(keep_as.mark, f"'{key.text}' has no result that 'as' could store", hint)
     for word, _ in beside.entries if beside is not None else ():
         only = OWNER_OF_KEY.get(word.text, key.text)
@@ -411,8 +415,25 @@ def _read_wait_for(context: CheckContext, key: Scalar, value: Node | None, shown
             key.mark, f"'{WAIT_FOR}' needs a behaviour to tick until it succeeds", f"write {WAIT_FOR}: face_seen"
         )
         return None
+    if isinstance(value, Scalar) and (hint := _wait_hint(context, value.text)):
+        context.fault(value.mark, f"'{WAIT_FOR}' needs a behaviour, got {quoted_value(value.text)}", hint)
+        return None
     child = read_step(context, value)
     return Step(WAIT_FOR, shown, key.mark, context.source, (child,))
+
+
+def _wait_hint(context: CheckContext, text: str) -> str:
+    """Return the hint for a duration or an expression after ``wait_for``; empty if it is neither."""
+    if _is_behaviour(context, text):
+        return ""
+    with suppress(ValueError):
+        in_si(text, "duration")
+        return f"write wait: {text}"
+    with suppress(ExpressionError):
+        names = {read.name for read in parse(text).reads}
+        if names & {*STATE_KINDS, *context.params, *context.variables}:
+            return f"write {WaitUntil.tag}: {text}"
+    return ""
 
 
 def _with_named_parts(context: CheckContext, leaf: type[Leaf], values: dict[str, Value], key: Scalar) -> type[Leaf]:

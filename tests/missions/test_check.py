@@ -341,7 +341,46 @@ UNITS = "(units: deg, rad)"
             "'wait_for' has no effect here: 'wait' never fails",
             "",
         ),
+        (["- wait_for: track_face"], "wait_for", "'wait_for' is never over: 'track_face' never succeeds", ""),
+        (
+            ["- wait_for: battery.low"],
+            "battery.low",
+            "'wait_for' needs a behaviour, got 'battery.low'",
+            "write wait_until: battery.low",
+        ),
+        (["- wait_for: 5 s"], "5 s", "'wait_for' needs a behaviour, got '5 s'", "write wait: 5 s"),
+        (
+            ["- check: {face_seen: 1 s}"],
+            "face_seen",
+            "'face_seen' is a condition already",
+            "write - face_seen: 1 s",
+        ),
+        (
+            ["- wait_until: {face_seen: 1 s}"],
+            "face_seen",
+            "'face_seen' is a condition already",
+            "write - wait_for: {face_seen: 1 s}",
+        ),
+        # values in flow style that YAML splits at a comma
+        (
+            ["- switch: {on: random(0, 2), cases: {0: succeed, 1: succeed, 2: succeed}}"],
+            "random(0",
+            "'random(0, 2)' is split at its comma in {...} or [...]",
+            'put quotes around it: "random(0, 2)"',
+        ),
+        (
+            ["- sequence: [check: max(1, 2, 3) == n, succeed]"],
+            "max(1",
+            "'max(1, 2, 3) == n' is split at its comma in {...} or [...]",
+            'put quotes around it: "max(1, 2, 3) == n"',
+        ),
         # what stands beside
+        (
+            ["- wait_for: face_seen", "  as: it"],
+            "it",
+            "'wait_for' has no result that 'as' could store",
+            "put 'as' inside, such as wait_for: {face_seen: , as: it}",
+        ),
         (["- sequence: [succeed]", "  as: it"], "it", "'sequence' has no result that 'as' could store", INDENT),
         (["- say: Hi", "  as: it"], "it", "'say' has no result that 'as' could store", ""),
         (["- find_face:", "  as: my face"], "my face", "'as' needs a plain word, got 'my face'", "such as 'last_seen'"),

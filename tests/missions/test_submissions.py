@@ -16,7 +16,7 @@ from missions.executive.build import build
 from missions.language.document import load_plan
 from missions.language.plan import Plan
 from missions.library.lookups import LOOKUPS
-from missions.library.shipped import find_mission
+from missions.library.shipped import find_mission, load_mission
 
 SQUARE = """\
 mission: square
@@ -315,3 +315,23 @@ def test_random_selector_draws_a_new_order_at_each_start(folder: Path) -> None:
         assert root.execute_tick() is Status.FAILURE
         orders.add(tuple(seen))
     assert len(orders) > 3
+
+
+def test_cleanup_in_another_file_is_named_with_its_file(tmp_path: Path) -> None:
+    (tmp_path / "mover.yaml").write_text("mission: mover\ntree: {drive: 1 m}\n", encoding="utf-8")
+    path = tmp_path / "m.yaml"
+    path.write_text("mission: m\ntree:\n  wait: 1 s\n  finally: {mission: mover}\n", encoding="utf-8")
+    with pytest.raises(InvalidFileError) as caught:
+        load_mission(str(path))
+    (fault,) = caught.value.diagnostics
+    assert fault.source.name == str(tmp_path / "mover.yaml")
+    where = f"'finally' (line 4 of {path})"
+    assert fault.message == f"'drive' drives the base, and {where} must not move anything"
+
+
+def test_open_bracket_in_a_text_is_no_split_value(tmp_path: Path) -> None:
+    path = tmp_path / "m.yaml"
+    path.write_text("mission: m\ntree:\n  sequence: [log: a (b, succeed, {log: 'c (d', timeout: 1 s}]\n", "utf-8")
+    with pytest.raises(InvalidFileError) as caught:
+        load_mission(str(path))
+    assert [fault.message for fault in caught.value.diagnostics] == ["'timeout' has no effect here: 'log' ends at once"]
