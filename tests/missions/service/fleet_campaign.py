@@ -367,9 +367,9 @@ class Campaign:
 
             ask(wanted, where, heard, timeout)
 
-        object.__setattr__(operator.transport, "ask", timed)
+        object.__setattr__(operator.transport, "send_request", timed)
         operator.stop()
-        object.__setattr__(operator.transport, "ask", ask)
+        object.__setattr__(operator.transport, "send_request", ask)
         operator.release([], resume=True)
         return there, at
 
