@@ -220,7 +220,11 @@ class Tab:
 
     def _settle(self) -> None:
         """Wait until the page is drawn as it is now: only then a screen reader is told."""
-        self.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+        try:
+            self.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+        except RuntimeError as error:  # a click on a link leaves the page
+            if "navigated or closed" not in str(error):
+                raise
 
     def text(self) -> str:
         """Return all text that is to be seen."""
