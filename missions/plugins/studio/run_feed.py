@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import json
 import re
+import secrets
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, Self
@@ -141,6 +142,7 @@ class AsyncRunLink:
         Return its answer, with a text `trouble` if it may not have stopped. ``by`` names the person who stops it.
         ``press`` identifies the press of STOP, so that it counts once if it arrives twice.
         """
+        press = press or secrets.token_hex(8)  # the tries of one stop count once
         for _ in range(STOP_TRIES):
             try:
                 answer = await self.request({"do": "stop", "by": by, "press": press})

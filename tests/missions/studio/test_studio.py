@@ -1,15 +1,18 @@
 """The studio with a run on a virtual base: whatever becomes of studio, link or client, the base comes to rest."""
 
+import asyncio
 import signal
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import jsonschema
 import pytest
 
+from missions.plugins.studio.run_feed import AsyncRunLink
 from missions.plugins.studio.studio_commands import protocol_schema
 from tests.missions.command import Process
 from tests.missions.lone_base import LoneBase
@@ -213,3 +216,22 @@ def test_stop_does_not_wait_for_clients_that_do_not_read(served: Served, tmp_pat
         for number in (1, 2, 3):
             assert operator.ask("stop")["result"]["stopped"][run]["parts"] == ["base"]
             assert operator.ask("release", run=run, stop=number)["ok"]
+
+
+class SlowLink(AsyncRunLink):
+    """Connection to a run whose base confirms only the second try of a stop."""
+
+    def __init__(self) -> None:
+        self.presses: list[object] = []
+
+    async def request(self, command: Mapping[str, object], timeout: float = 0.0) -> Mapping[str, Any]:
+        del timeout
+        self.presses.append(command["press"])
+        return {"ok": True, "result": {"missing": ["base"]} if len(self.presses) == 1 else {"parts": ["base"]}}
+
+
+def test_tries_of_one_stop_have_one_press() -> None:
+    link = SlowLink()
+    assert asyncio.run(link.stop("me", "")) == {"parts": ["base"]}
+    first, second = link.presses
+    assert first == second != ""
