@@ -1,7 +1,7 @@
 """Translation of control nodes of BehaviorTree.CPP that need several words of a mission, such as Switch2."""
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of
-from missions.plugins.interchange.context import TreeContext, fail_again, set_step, word_of
+from missions.plugins.interchange.context import TreeContext, fail_again, set_step
 from missions.plugins.interchange.foreign_trees import is_pointer, normal_form
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
@@ -101,7 +101,7 @@ def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -
         if label := first.attributes.get("name"):
             step.comments.append(f"on: {label}")
         return tree.add_name(step, element)
-    holds = tree.names.fresh(f"{word_of(first.attributes.get('name') or kind)}_holds")
+    holds = tree.fresh_name(first, kind, "holds")
     condition = tree.node(first, "failure", kind)
     test_step = MissionStep(
         "selector",
@@ -169,7 +169,7 @@ def sequence_with_memory(tree: TreeContext, element: Element, kind: str) -> Miss
 
     A variable holds the number of this child.
     """
-    place = tree.names.fresh(f"{word_of(element.attributes.get('name') or 'sequence')}_step")
+    place = tree.fresh_name(element, "sequence", "step")
     tree.initial[place] = 1
     steps = list[MissionStep]()
     children = tree.children(element, "success")

@@ -9,7 +9,6 @@ from missions.plugins.interchange.context import (
     fail_again,
     set_step,
     take_comments,
-    word_of,
     wrap_in,
 )
 from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, wrapped
@@ -97,7 +96,7 @@ def _with_ends(tree: TreeContext, element: Element, step: MissionStep, codes: Ma
             step = MissionStep("selector", [step, MissionStep("sequence", [*after_failure, fail_again()])])
         step.comments = comments
         return step
-    runs = tree.names.fresh(f"{word_of(element.attributes.get('name') or element.tag)}_runs")
+    runs = tree.fresh_name(element, element.tag, "runs")
     tree.initial[runs] = False
     if may_fail:
         failed = MissionStep("sequence", [set_step({runs: False}), *after_failure, fail_again()])

@@ -4,16 +4,14 @@ The context has the names of variables, the kinds of their values, the stub leav
 """
 
 import json
-import re
 from collections.abc import Callable, Iterable, Mapping
 from typing import Literal
 
 from behaviours.leaf import Leaf
-from config.diagnostics import to_snake_case
 from missions.plugins.interchange.blackboard import EntryKinds, SubtreeCall, VariableNames, entry_of
 from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form
 from missions.plugins.interchange.leaf_rules import LeafRule
-from missions.plugins.interchange.mission_text import Computed, MissionStep, Verbatim
+from missions.plugins.interchange.mission_text import Computed, MissionStep, Verbatim, snake_word
 from missions.plugins.interchange.node_kinds import KINDS, OLD_PORTS
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.scripts import (
@@ -70,6 +68,13 @@ class TreeContext:
     def node(self, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
         """Translate a node, with its pre- and postconditions; ``parent`` is the kind of the node above it."""
         return self._translate_node(self, element, skip_as, parent)
+
+    def fresh_name(self, element: Element, default: str, suffix: str) -> str:
+        """Return a variable that the tree does not use, such as ``dock_done`` for the node ``dock`` and "done".
+
+        It begins with the node's name, or with ``default`` if the node has none.
+        """
+        return self.names.fresh(f"{snake_word(element.attributes.get('name') or default, 'node')}_{suffix}")
 
     def children(self, element: Element, skip_as: SkipAs) -> list[MissionStep]:
         kind, _ = normal_form(element, self.project)
@@ -222,11 +227,6 @@ def remark_of(element: Element, child: MissionStep) -> str:
     """
     name = element.attributes.get("name", "").strip()
     return "" if name in ("", element.tag, child.keys.get("name")) else name
-
-
-def word_of(text: str) -> str:
-    """Return a text in snake case, as the beginning of a variable's name."""
-    return re.sub(r"\W+", "_", to_snake_case(text)).strip("_")[:40] or "node"
 
 
 def skip_in(word: str) -> SkipAs:

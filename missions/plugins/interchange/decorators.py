@@ -1,9 +1,15 @@
 """Translation of decorators of BehaviorTree.CPP and MoveIt Pro that need more than one word of a mission."""
 
 from missions.plugins.interchange.blackboard import constant_value
-from missions.plugins.interchange.context import SkipAs, TreeContext, fail_again, quantity, remark_of, set_step, word_of
+from missions.plugins.interchange.context import SkipAs, TreeContext, fail_again, quantity, remark_of, set_step
 from missions.plugins.interchange.foreign_trees import is_pointer
-from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim, wrapped
+from missions.plugins.interchange.mission_text import (
+    Computed,
+    MissionStep,
+    PlainExpression,
+    Verbatim,
+    wrapped,
+)
 from missions.plugins.interchange.node_kinds import ForeignKind
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.scripts import as_condition, number_text, text_formula
@@ -46,7 +52,7 @@ def run_once(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) ->
         tree.report.add(DIFFERS, element, "runs once in each run of its mission, not once for ever", kind)
     if tree.port(element, kind, "then_skip").lower() in ("false", "0"):
         return wrapped(child, "once", True, remark_of(element, child))
-    done = tree.names.fresh(f"{word_of(element.attributes.get('name') or 'run_once')}_done")
+    done = tree.fresh_name(element, "run_once", "done")
     tree.initial[done] = False
     tried = MissionStep("sequence", [child, set_step({done: True})])
     failed = MissionStep("sequence", [set_step({done: True}), fail_again()])

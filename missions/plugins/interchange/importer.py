@@ -1,12 +1,10 @@
 """Import of a project of BehaviorTree.CPP: texts of missions from its trees, stubs of its leaves, and the report."""
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from behaviours.leaf import Leaf
-from config.diagnostics import to_snake_case
 from missions.language.nodes import BOTH_ENDS, MISSION, Ends
 from missions.plugins.interchange.blackboard import (
     ANY_VALUE,
@@ -26,7 +24,7 @@ from missions.plugins.interchange.foreign_trees import (
     read_project,
 )
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
-from missions.plugins.interchange.mission_text import MissionStep, mission_text
+from missions.plugins.interchange.mission_text import MissionStep, mission_text, snake_word
 from missions.plugins.interchange.node_kinds import PARAMS, RETURNS
 from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
@@ -88,7 +86,7 @@ def import_project(
     rules: Mapping[str, LeafRule] | None,
 ) -> ImportedProject:
     """Add the missions of a project to the result of an import; ``path`` names the file of its stubs."""
-    names = _mission_names(project, single=not path.is_dir())
+    names = _mission_names(project)
     kinds = EntryKinds(project)
     table = {**LEAF_RULES, **(rules or {})}
     project.guessed_outputs = guess_outputs(project, table)
@@ -105,31 +103,23 @@ def import_project(
     imported.missions = len(translated)
     imported.stubs = len(stubs.stubs)
     if stubs.stubs:
-        stem = _word(path.stem) or "imported"
+        stem = snake_word(path.stem) or "imported"
         file = f"{STUB_FOLDER}/{stem}.py"
         imported.files[file] = stub_file_text(path.name, stubs.stubs.values(), file)
     imported.files[REPORT_NAME] = imported.report.markdown(f"Import of {path.name}")
     return imported
 
 
-MAX_NAME_LENGTH = 80
-"""Maximum characters of the name of a mission, made from the ID of a tree."""
-
-
-def _word(text: str) -> str:
-    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(text))).strip("_")[:MAX_NAME_LENGTH]
-
-
-def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
+def _mission_names(project: ForeignProject) -> dict[int, str]:
     """Return the name of each tree's mission, by the Python ``id`` of the tree.
 
     It is the ID of the tree, or the name of its file if the ID is a general word, such as "MainTree".
     """
     found, taken = dict[int, str](), set[str]()
     trees = list(project.trees())
-    often = [_word(tree.id) for tree in trees]
+    often = [snake_word(tree.id) for tree in trees]
     for tree in trees:
-        word, stem = _word(tree.id), _word(tree.file.path.stem)
+        word, stem = snake_word(tree.id), snake_word(tree.file.path.stem)
         alone = len(tree.file.trees) == 1 or tree.is_main
         generic = word.replace("_", "") in GENERIC_TREE_NAMES or not word
         wishes = [stem] if generic and alone else [word] if often.count(word) == 1 else [f"{stem}_{word}", word]
@@ -137,7 +127,6 @@ def _mission_names(project: ForeignProject, *, single: bool) -> dict[int, str]:
         name = next(wish for wish in wishes if wish and wish not in taken)
         taken.add(name)
         found[id(tree)] = name
-    del single
     return found
 
 

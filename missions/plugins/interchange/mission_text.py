@@ -5,12 +5,22 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from config.diagnostics import to_snake_case
 from config.units import parse_quantity
 from config.yaml_nodes import plain_value
 from config.yaml_writer import yaml_word
 
 MAX_FLOW_LENGTH = 96
 """Maximum characters of a mapping on one line, in braces; a longer mapping gets a line for each key."""
+
+MAX_WORD_LENGTH = 80
+"""Maximum characters of a mission's name, a leaf's tag or a variable that is made from a name of the other program."""
+
+
+def snake_word(text: str, default: str = "") -> str:
+    """Return a name of the other program in snake case, as a word of missions; ``default`` if nothing is left of it."""
+    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(text))).strip("_")[:MAX_WORD_LENGTH] or default
+
 
 PLAIN_EXPRESSION = re.compile(r"[A-Za-z_(][^#:\n]*")
 """Expressions that need no quotes in YAML, if they do not look like another value, such as a number."""

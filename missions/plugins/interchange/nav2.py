@@ -1,7 +1,7 @@
 """Translation of control nodes and decorators of Nav2."""
 
 from missions.plugins.interchange.blackboard import constant_value
-from missions.plugins.interchange.context import SkipAs, TreeContext, quantity, remark_of, set_step, word_of
+from missions.plugins.interchange.context import SkipAs, TreeContext, quantity, remark_of, set_step
 from missions.plugins.interchange.foreign_trees import is_pointer, normal_form
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import KINDS
@@ -27,7 +27,7 @@ def pipeline(tree: TreeContext, element: Element, kind: str) -> MissionStep:
         is_last = child is element.children[-1]
         step, pause = _paced(tree, child, kind)
         if not is_last:
-            flag = tree.names.fresh(f"{word_of(child.attributes.get('name') or child.tag)}_ready")
+            flag = tree.fresh_name(child, child.tag, "ready")
             flags[flag] = False
             step = MissionStep("sequence", [*pause[0], step, set_step({flag: True}), *pause[1]])
             step.keys["repeat"] = "forever"
@@ -125,7 +125,7 @@ def pace_alone(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs, 
 
 def single_trigger(tree: TreeContext, element: Element, kind: str, skip_as: SkipAs) -> MissionStep:
     """Return the child of a SingleTrigger node; it runs once, and later runs fail."""
-    done = tree.names.fresh(f"{word_of(element.attributes.get('name') or 'trigger')}_done")
+    done = tree.fresh_name(element, "trigger", "done")
     tree.initial[done] = False
     first = MissionStep("check", PlainExpression(f"not {done}"), reads=(done,))
     child = tree.node(element.children[0], skip_as, kind)

@@ -11,16 +11,11 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from behaviours.leaf import Leaf
-from config.diagnostics import to_snake_case
-from missions.language.nodes import NODES
-from missions.language.parallel_counts import COUNTS
+from missions.library.vocabulary import RESERVED_WORDS
 from missions.plugins.interchange.foreign_trees import PortModel
+from missions.plugins.interchange.mission_text import MAX_WORD_LENGTH, snake_word
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
 
-BESIDE_WORDS = frozenset({*NODES, *COUNTS, "name", "as", "with", "returns", "weights"})
-"""Words of the mission language, which a stub leaf cannot have as its tag."""
-
-MAX_TAG_LENGTH = 80
 NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
                 "int8_t", "int16_t", "int32_t", "int64_t", "unsigned int", "long")  # fmt: skip
 TEXT_TYPES = ("std::string", "string", "str", "const char*", "std::string_view")
@@ -79,7 +74,7 @@ class StubLeaf:
     @property
     def class_name(self) -> str:
         """Name of the leaf's Python class, made from its ID."""
-        words = re.sub(r"\W", "_", self.id)[:MAX_TAG_LENGTH]
+        words = re.sub(r"\W", "_", self.id)[:MAX_WORD_LENGTH]
         name = "".join(part[:1].upper() + part[1:] for part in words.split("_") if part) or "Stub"
         return f"Stub{name}" if name[0].isdigit() or keyword.iskeyword(name) or name in PYTHON_NAMES else name
 
@@ -97,22 +92,22 @@ class StubTable:
 
     def __init__(self, leaf_tags: Collection[str], outputs: Mapping[str, Mapping[str, PortModel]]) -> None:
         self._outputs = outputs
-        self._taken = {*leaf_tags, *BESIDE_WORDS}
+        self._taken = {*leaf_tags, *RESERVED_WORDS}
         self.stubs: dict[str, StubLeaf] = {}
 
-    def stub(self, id: str, role: str, word: str = "") -> StubLeaf:  # noqa: A002 - the name in the file
+    def stub(self, leaf_id: str, role: str, word: str = "") -> StubLeaf:
         """Return the stub of the leaf with this ID and role, such as "Condition"; the first call creates it.
 
         Its tag is ``word``, or made from the ID.
         """
-        if id not in self.stubs:
-            found = StubLeaf(id, self._tag(word or id, role), role)
-            found.outputs |= self._outputs.get(id, {})
-            self.stubs[id] = found
-        return self.stubs[id]
+        if leaf_id not in self.stubs:
+            found = StubLeaf(leaf_id, self._tag(word or leaf_id, role), role)
+            found.outputs |= self._outputs.get(leaf_id, {})
+            self.stubs[leaf_id] = found
+        return self.stubs[leaf_id]
 
-    def _tag(self, id: str, role: str) -> str:  # noqa: A002 - as above
-        word = re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(id))).strip("_")[:MAX_TAG_LENGTH] or "leaf"
+    def _tag(self, leaf_id: str, role: str) -> str:
+        word = snake_word(leaf_id, "leaf")
         word = word if word[0].isalpha() else f"leaf_{word}"
         wishes = (word, f"{word}_{role.lower() or 'action'}", *(f"{word}_{number}" for number in range(2, 10_000)))
         tag = next(wish for wish in wishes if wish not in self._taken)

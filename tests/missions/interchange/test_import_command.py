@@ -49,6 +49,14 @@ def test_stub_runs_after_its_update_is_implemented(mission: Mission, tmp_path: P
     assert mission("run", "made/patrol.yaml", "--simulate", "fast").code == 0
 
 
+def test_leaves_named_like_words_of_missions_get_other_tags(mission: Mission, tmp_path: Path) -> None:
+    words = ("Summary", "Params", "Recover", "Finally", "InTurn", "Tree", "Drive", "Name")
+    leaves = "".join(f"<{word}/>" for word in words)
+    (tmp_path / "tree.xml").write_text(tree_text(f"<Sequence>{leaves}</Sequence>"))
+    mission("import", "tree.xml", "-o", "made")
+    assert mission("check", "made").out.startswith("made/patrol.yaml: good")
+
+
 def test_existing_files_are_kept_without_force(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "tree.xml").write_text(tree_text("<AlwaysSuccess/>"))
     (tmp_path / "made").mkdir()
