@@ -4,7 +4,7 @@ import difflib
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
-from typing import Any, Protocol
+from typing import Any
 
 from drivers.api import JointLimits
 from drivers.api.fast_dataclass import dataclass
@@ -67,24 +67,6 @@ def argument(kind: str, help: str, *, name: str = "", **options: Any) -> Any:  #
     example.
     """
     return Argument(name=name, kind=kind, help=help, **options)
-
-
-class UnmeasuredError(ValueError):
-    """Raised for a condition that reads a position from dead reckoning: the base does not measure its motion."""
-
-
-class Condition(Protocol):
-    """Condition in a mission, bound to the variables of the mission."""
-
-    def is_true(self) -> bool:
-        """Evaluate the condition.
-
-        Raises UnmeasuredError, SensorSilent if a sensor has not reported, and ValueError if it cannot be calculated,
-        such as a comparison with the distance of a face while none is seen.
-        """
-
-    def false_reason(self) -> str:
-        """Return the reason of a failure: the condition, with the present values that it reads."""
 
 
 MIN_SIMILARITY = 0.75

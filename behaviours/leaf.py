@@ -7,8 +7,9 @@ from typing import Any, ClassVar
 from py_trees.behaviour import Behaviour
 from py_trees.common import Status
 
+from behaviours.condition import Condition, UnmeasuredError
 from behaviours.haltable_node import AT_REST, HALTING, STARTING, WORKING, HaltableNode
-from behaviours.joint_ranges import REQUIRED, Argument, Condition, JointRanges, UnmeasuredError, argument
+from behaviours.joint_ranges import REQUIRED, Argument, JointRanges, argument
 from behaviours.node import sensor_timeout_reason
 from behaviours.robot import Robot
 from behaviours.run import log

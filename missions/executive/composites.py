@@ -11,7 +11,7 @@ from py_trees.common import Status
 
 from behaviours.node import Node, Suspension, reset_all, sensor_timeout_reason
 from missions.executive.parallel import Parallel, Race
-from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite, last_unskipped
+from missions.executive.parent import FAILURE, RUNNING, SUCCESS, Composite
 from missions.language.child_order import Weights
 from missions.language.expressions import ExpressionError, Value
 from missions.language.nodes import WEIGHTS
@@ -71,7 +71,7 @@ class _ReactiveComposite(Composite):
         ``status`` is that of the child.
         """
         if status is SUCCESS and child.is_skipped:
-            last = last_unskipped(self.members, self.passes)
+            last = _last_unskipped(self.members, self.passes)
             if last is None:
                 return self.end(self.skip(child.feedback_message))
             child, status = last, self.passes
@@ -149,6 +149,11 @@ class _ReactiveComposite(Composite):
         if status is not child.status:
             child.publish(status)
         return status
+
+
+def _last_unskipped(members: abc.Sequence[Node], passes: Status) -> Node | None:
+    """Return the last of ``members`` that ended with ``passes`` and was not skipped; None if all were skipped."""
+    return next((member for member in reversed(members) if member.status is passes and not member.is_skipped), None)
 
 
 class ReactiveSequence(_ReactiveComposite, composites.Sequence):

@@ -205,11 +205,6 @@ class Composite(Parent):
         """Reset the progress of an earlier run."""
 
 
-def last_unskipped(members: Sequence[Node], passes: Status) -> Node | None:
-    """Return the last of ``members`` that ended with ``passes`` and was not skipped; None if all were skipped."""
-    return next((member for member in reversed(members) if member.status is passes and not member.is_skipped), None)
-
-
 def set_children(parent: Parent, children: Sequence[Node]) -> None:
     """Set the children of ``parent``: the list that py_trees uses, and the tuple that our nodes tick."""
     for child in children:

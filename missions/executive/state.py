@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from math import radians
 from typing import TypeVar
 
-from behaviours.joint_ranges import UnmeasuredError
+from behaviours.condition import UnmeasuredError
 from behaviours.robot import Robot
 from drivers.api import Base, BaseState, HeadPose, RangeScan, Reading
 from drivers.clock import Clock
