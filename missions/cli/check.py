@@ -17,9 +17,10 @@ from missions.cli.default_robot import load_mission_for, load_target, robot_opti
 from missions.cli.names import MISSION
 from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader, mission_files_in
+from missions.cli.outputs import report_write_errors
 from missions.language.claims import impossible_alternatives
 from missions.language.document import unread_param_hints
-from missions.language.old_forms import rewrite_old_forms
+from missions.language.old_forms import Rewrite, rewrite_old_forms
 from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
 from missions.library.lookups import LOOKUPS
@@ -113,6 +114,22 @@ def _fix_file(name: str, check: Callable[[str], Sequence[Diagnostic]]) -> list[s
     text, rewrites = rewrite_old_forms(str(path), read_source(path).text)
     if not rewrites:
         return [f"{name}: no old form"]
+    with report_write_errors(path, "--fix"):
+        return _write_fixed(name, path, data, text, rewrites, check)
+
+
+def _write_fixed(
+    name: str,
+    path: Path,
+    data: bytes,
+    text: str,
+    rewrites: Sequence[Rewrite],
+    check: Callable[[str], Sequence[Diagnostic]],
+) -> list[str]:
+    """Replace a mission's file, whose content is ``data``, by the rewritten ``text``; return the lines to print.
+
+    The file stays if the text has errors, or if the file has changed meanwhile. Raises OSError.
+    """
     mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
     with NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix) as trial:
         trial.write(mark + text.encode())

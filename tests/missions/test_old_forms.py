@@ -1,5 +1,6 @@
 """`mission check --fix` rewrites old forms of the mission language, and leaves every other character of a file."""
 
+from errno import ENOSPC
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ from py_trees.common import Status
 
 from behaviours.catalogue import LEAVES
 from config.diagnostics import SourceText
+from missions.cli import check
 from missions.executive.events import status_word
 from missions.language.document import check_plan
 from missions.language.old_forms import rewrite_old_forms
@@ -135,3 +137,20 @@ def test_fix_without_files_is_refused(capsys: pytest.CaptureFixture[str]) -> Non
     done = command(capsys, "check", "--fix")
     assert done.code == 2
     assert "mission check --fix FILE" in done.err
+
+
+def test_fix_names_a_file_that_cannot_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_bytes(OLD)
+
+    def refuse(path: Path, _data: bytes) -> None:
+        raise OSError(ENOSPC, "no space left on device", str(path))
+
+    monkeypatch.setattr(check, "save_file", refuse)
+    done = command(capsys, "check", "--fix", "m.yaml")
+    assert done.code == 2
+    assert "m.yaml" in done.err
+    assert "space" in done.err
+    assert Path("m.yaml").read_bytes() == OLD
