@@ -1,17 +1,12 @@
 """Parallels with counts against BehaviorTree.CPP: random trees end alike, tick by tick and leaf by leaf."""
 
 import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from importlib.util import find_spec
 from itertools import count
-from pathlib import Path
 from random import Random
 from typing import Any
 
-import pytest
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf, argument
@@ -21,14 +16,10 @@ from missions.executive.parallel import Parallel
 from missions.language.document import check_plan
 from missions.language.expressions import Value
 from missions.language.parallel_counts import ALL_CHILDREN, FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL
+from tests.behaviortree_cpp import ask_behaviortree_cpp, needs_behaviortree_cpp
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
 from tests.tries import tries
-
-CLIENT = Path(__file__).parent.parent / "other_programs" / "behaviortree_cpp_client.py"
-needs_it = pytest.mark.skipif(
-    find_spec("behaviortreepy") is None, reason="behaviortreepy is not installed: `make test` installs it"
-)
 
 TREES = tries(200, most=2000)
 FIRST_SEED = 700_000
@@ -157,16 +148,10 @@ def ours(pair: Pair) -> list[list[Any]]:
 
 def theirs(pairs: list[Pair]) -> list[list[list[Any]]]:
     """Have BehaviorTree.CPP tick the trees, in a process of its own."""
-    request = json.dumps([pair.request() for pair in pairs])
-    done = subprocess.run(
-        [sys.executable, str(CLIENT)], input=request, capture_output=True, text=True, timeout=240, check=False
-    )
-    assert done.returncode == 0, done.stderr
-    found: list[list[list[Any]]] = json.loads(done.stdout)
-    return found
+    return ask_behaviortree_cpp([pair.request() for pair in pairs])
 
 
-@needs_it
+@needs_behaviortree_cpp
 def test_random_parallels_with_counts_end_as_in_behaviortree_cpp() -> None:
     seeds = range(FIRST_SEED, FIRST_SEED + TREES)
     pairs = [tree(Random(seed), count()) for seed in seeds]  # noqa: S311 - as a test draws

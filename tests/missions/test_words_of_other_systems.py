@@ -7,12 +7,8 @@ page says in a few lines of Python.
 
 import json
 import re
-import subprocess
-import sys
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from importlib.util import find_spec
-from pathlib import Path
 from random import Random
 from typing import Any
 
@@ -30,13 +26,9 @@ from missions.language.document import check_plan
 from missions.language.nodes import BRANCHES, MODIFIERS
 from missions.language.steps import BESIDE_KEYS, LIST_HINT
 from missions.language.synonyms import PHRASE_SYNONYMS, SYNONYMS, UNMATCHED_HINT, UNMATCHED_WORDS, unknown_word_hint
+from tests.behaviortree_cpp import ask_behaviortree_cpp, needs_behaviortree_cpp
 from tests.conformance.harness import Play
 from tests.conformance.probes import Bench
-
-CLIENT = Path(__file__).parent.parent / "other_programs" / "behaviortree_cpp_client.py"
-needs_it = pytest.mark.skipif(
-    find_spec("behaviortreepy") is None, reason="behaviortreepy is not installed: `make test` installs it"
-)
 
 SEEDS = range(40)
 TICKS = 10
@@ -226,19 +218,10 @@ CASES = [
 
 def theirs(requests: Sequence[dict[str, Any]]) -> list[list[Line]]:
     """Have BehaviorTree.CPP tick the trees, in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, str(CLIENT)],
-        input=json.dumps(requests),
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return [[(status, ticked) for status, ticked, _ in tree] for tree in json.loads(done.stdout)]
+    return [[(status, ticked) for status, ticked, _ in tree] for tree in ask_behaviortree_cpp(requests)]
 
 
-@needs_it
+@needs_behaviortree_cpp
 def test_hint_for_a_behaviortree_cpp_word_gives_the_same_behaviour() -> None:
     pairs = [(case, *case.pair(Random(seed))) for case in CASES for seed in SEEDS]  # noqa: S311 - as a test draws
     for (case, tree, request, condition), expected in zip(pairs, theirs([each[2] for each in pairs]), strict=True):
@@ -306,7 +289,7 @@ def _scripted(tree: Any, outcomes: dict[str, str]) -> Any:
     return tree
 
 
-@needs_it
+@needs_behaviortree_cpp
 @pytest.mark.parametrize("word", RECIPES)
 def test_documented_recipe_replaces_a_word_without_equivalent(word: str) -> None:
     recipe, xml = RECIPES[word]
@@ -444,7 +427,7 @@ def first_end(statuses: Sequence[str]) -> list[str]:
     return list(statuses[: ended + 1])
 
 
-@needs_it
+@needs_behaviortree_cpp
 @pytest.mark.parametrize("word", SIDE_BY_SIDE)
 def test_row_of_the_page_ends_as_in_behaviortree_cpp(word: str) -> None:
     rows = [draw_row(word, seed) for seed in SEEDS]

@@ -211,7 +211,10 @@ class Draw:
             known["once"] = lambda: True
         if not self.all_kinds:
             return known
-        duration = lambda: random.choice(("150 ms", "1 s", "${a * 1 s}", "0.5 ms"))  # noqa: E731
+
+        def duration() -> str:
+            return random.choice(("150 ms", "1 s", "${a * 1 s}", "0.5 ms"))
+
         known |= dict.fromkeys(("for", "timeout", "delay", "hold", "cooldown"), duration)
         known |= {
             "retry": lambda: random.choice((2, "forever", "${a + 1}")),

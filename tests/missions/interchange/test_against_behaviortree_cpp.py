@@ -1,24 +1,14 @@
 """Imported trees run as in BehaviorTree.CPP: random trees end alike, with the same order of leaves."""
 
-import json
-import subprocess
-import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from importlib.util import find_spec
 from itertools import count
 from pathlib import Path
 from random import Random
 
-import pytest
-
+from tests.behaviortree_cpp import ask_behaviortree_cpp, needs_behaviortree_cpp
 from tests.missions.interchange.playing import LeafScript, play_import
 from tests.tries import tries
-
-CLIENT = Path(__file__).parents[2] / "other_programs" / "behaviortree_cpp_client.py"
-needs_it = pytest.mark.skipif(
-    find_spec("behaviortreepy") is None, reason="behaviortreepy is not installed: `make test` installs it"
-)
 
 TREES = tries(100, most=2000)
 FIRST_SEED = 800_000
@@ -132,17 +122,8 @@ def draw(seed: int) -> tuple[str, dict[str, str]]:
 def theirs(trees: list[tuple[str, dict[str, str]]]) -> list[tuple[str, list[str]]]:
     """Return the result of each tree in BehaviorTree.CPP, and its leaves in the order in which they ended."""
     request = [{"xml": xml, "outcomes": outcomes, "ticks": TICKS} for xml, outcomes in trees]
-    done = subprocess.run(
-        [sys.executable, str(CLIENT)],
-        input=json.dumps(request),
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
     found = []
-    for ticks in json.loads(done.stdout):
+    for ticks in ask_behaviortree_cpp(request):
         last = next((number for number, (status, _, _) in enumerate(ticks) if status != "RUNNING"), len(ticks) - 1)
         found.append((ticks[last][0], [entry for _, ticked, _ in ticks[: last + 1] for entry in ticked]))
     return [(status, [entry for entry in ticked if entry[-1] != "R"]) for status, ticked in found]
@@ -158,7 +139,7 @@ def ours(xml: str, outcomes: dict[str, str], folder: Path) -> tuple[str, list[st
     return played.result, ended
 
 
-@needs_it
+@needs_behaviortree_cpp
 def test_imported_random_trees_run_as_in_behaviortree_cpp(tmp_path: Path) -> None:
     seeds = range(FIRST_SEED, FIRST_SEED + TREES)
     trees = [draw(seed) for seed in seeds]

@@ -1,33 +1,23 @@
 """Exported missions: BehaviorTree.CPP runs them as here, parses all, and an import returns the same tree."""
 
-import json
 import re
-import subprocess
-import sys
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from importlib.util import find_spec
 from itertools import count, islice
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
-
-import pytest
 
 from behaviours.catalogue import LEAVES
 from behaviours.leaf import FAILURE, Leaf
 from config.diagnostics import InvalidFileError
 from missions.language.plan import Plan
 from missions.plugins.interchange.tree_writer import ExportedTree
+from tests.behaviortree_cpp import ask_behaviortree_cpp, needs_behaviortree_cpp
 from tests.missions.interchange.playing import LeafScript, play
 from tests.missions.interchange.random_missions import Draw, draw_mission
 from tests.missions.interchange.round_trips import export_and_import, plan_of, tree_of
 from tests.tries import tries
-
-CLIENT = Path(__file__).parents[2] / "other_programs" / "behaviortree_cpp_client.py"
-needs_it = pytest.mark.skipif(
-    find_spec("behaviortreepy") is None, reason="behaviortreepy is not installed: `make test` installs it"
-)
 
 MISSIONS = tries(60, most=500)
 TICKS = 30
@@ -62,21 +52,6 @@ def checked_missions(folder: Path, first_seed: int, *, all_kinds: bool) -> Itera
             continue
 
 
-def ask(requests: list[Mapping[str, Any]]) -> list[Any]:
-    """Send trees to BehaviorTree.CPP, and return its answers."""
-    done = subprocess.run(
-        [sys.executable, str(CLIENT)],
-        input=json.dumps(requests),
-        capture_output=True,
-        text=True,
-        timeout=240,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    found: list[Any] = json.loads(done.stdout)
-    return found
-
-
 def parse_request(exported: ExportedTree) -> Mapping[str, Any]:
     """Return a request to parse a tree; a built-in control node stands for custom ones."""
     text = exported.text
@@ -93,7 +68,7 @@ def plain(value: object) -> object:
     return float(value) if isinstance(value, int | float) else value
 
 
-@needs_it
+@needs_behaviortree_cpp
 def test_exported_missions_run_as_in_behaviortree_cpp(tmp_path: Path) -> None:
     cases, requests = list[tuple[int, Draw, Plan]](), list[Mapping[str, Any]]()
     candidates = checked_missions(tmp_path, 900_000, all_kinds=False)
@@ -110,7 +85,7 @@ def test_exported_missions_run_as_in_behaviortree_cpp(tmp_path: Path) -> None:
             {"xml": exported.text, "main": "main", "outcomes": outcomes, "ticks": TICKS, "entries": ENTRIES}
         )
     ended = 0
-    for (seed, drawn, plan), (*ticks, values) in zip(cases, ask(requests), strict=True):
+    for (seed, drawn, plan), (*ticks, values) in zip(cases, ask_behaviortree_cpp(requests), strict=True):
         scripts = {name: LeafScript([WORDS[letter] for letter in text] * 200) for name, text in drawn.outcomes.items()}
         played = play(plan, scripts, max_ticks=TICKS * 8)
         order = [f"{name} {status[0]}" for name, status in played.order if name in drawn.outcomes and status[0] in "SF"]
@@ -126,7 +101,7 @@ def test_exported_missions_run_as_in_behaviortree_cpp(tmp_path: Path) -> None:
     assert ended > MISSIONS // 3
 
 
-@needs_it
+@needs_behaviortree_cpp
 def test_missions_of_all_kinds_are_parsed_there_and_imported_as_the_same_tree(tmp_path: Path) -> None:
     requests, causes = list[Mapping[str, Any]](), Counter[str]()
     for seed, _, plan in islice(checked_missions(tmp_path, 910_000, all_kinds=True), MISSIONS):
@@ -134,5 +109,5 @@ def test_missions_of_all_kinds_are_parsed_there_and_imported_as_the_same_tree(tm
         assert tree_of(plan_of(path, KNOWN).tree) == tree_of(plan.tree), seed
         requests.append(parse_request(exported))
         causes.update(str(remark.text) for remark in exported.remarks)
-    assert ask(requests) == [[] for _ in requests]
+    assert ask_behaviortree_cpp(requests) == [[] for _ in requests]
     assert len(causes) > 10
