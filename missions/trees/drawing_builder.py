@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import chain, repeat
 from pathlib import Path
 
+from missions.language.inference import CONDITION_KIND
 from missions.language.nodes import BRANCHES, IN_TURN, IN_TURN_SELECTOR, MISSION, MODIFIERS, RECOVER, RETRY, SWITCHES
 from missions.language.plan import Plan, Step, composite_kind
 from missions.trees.drawing import Badge, NodeState, TreeBox, TreeDrawing
@@ -19,7 +20,8 @@ def symbol_of(step: Step) -> str:
     leaf = step.leaf
     if leaf is None:
         return (composite_kind(step) or BRANCHES[step.kind]).symbol
-    return CONDITION_SYMBOL if leaf.instant and leaf.needs and not leaf.drives else ACTION_SYMBOL
+    reads = leaf.needs or any(argument.kind == CONDITION_KIND for argument in leaf.arguments.values())
+    return CONDITION_SYMBOL if leaf.instant and reads and not leaf.drives else ACTION_SYMBOL
 
 
 def legend() -> tuple[tuple[str, str, str], ...]:
@@ -27,7 +29,7 @@ def legend() -> tuple[tuple[str, str, str], ...]:
     return (
         *((kind.symbol, word, kind.help) for word, kind in BRANCHES.items()),
         (IN_TURN_SELECTOR.symbol, f"selector, {IN_TURN}", IN_TURN_SELECTOR.help),
-        (CONDITION_SYMBOL, "condition", "checks a part of the robot within one tick"),
+        (CONDITION_SYMBOL, "condition", "checks the robot or a variable within one tick"),
         (ACTION_SYMBOL, "action", "does something"),
     )
 
