@@ -93,6 +93,8 @@ def more(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
         *brute.waiting(children),
         *brute.listing(children),
         *brute.cleaning(children),
+        *brute.ordering(children),
+        *brute.drawing(children),
         st.builds("{}: [{}]".format, st.sampled_from((*brute.COMPOSITES, "random_selector")), lists),
     ]
 
