@@ -31,6 +31,12 @@ MAX_COUNT = 3
 Larger ones become unknown, so that a mission has finitely many states.
 """
 
+MAX_MEMBERS = 10
+"""Maximum length of a list over which a ``for_each`` loops member by member.
+
+Lists from a variable are shorter, see MAX_COUNT, so only the lists and params of the mission file have so many members.
+"""
+
 MIN_UNBOUNDED_ROUNDS = 2
 """Minimum number of repetitions explored for a loop that has more than MAX_COUNT repetitions.
 

@@ -38,6 +38,7 @@ from missions.language.plan import Plan, Step
 from missions.language.read_analysis import always_read_names
 from missions.plugins.verify.abstract_values import (
     MAX_COUNT,
+    MAX_MEMBERS,
     MIN_UNBOUNDED_ROUNDS,
     UNKNOWN,
     AbstractList,
@@ -191,7 +192,7 @@ def _abstract_members(value: Value, oracle: Oracle) -> Value:
     many = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS))
 
     def abstract(found: object) -> object:
-        return many if isinstance(found, ListMembers) and found.count > MAX_COUNT else found
+        return many if isinstance(found, ListMembers) and found.count > MAX_MEMBERS else found
 
     if value.template is None:
         return Value(abstract(value.constant))

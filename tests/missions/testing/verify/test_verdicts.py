@@ -106,9 +106,16 @@ def test_repeat_with_a_large_count_is_explored(count: int) -> None:
 @pytest.mark.parametrize("rounds", ["repeat: 50", "for_each"])
 def test_node_of_the_third_of_many_rounds_is_reached(rounds: str) -> None:
     step = "sequence: [{set: {n: '${n + 1}'}}, {drive: 1 m, if: n == 3}]"
-    each = f"for_each: {{in: [1, 2, 3, 4, 5], as: x, do: {{{step}}}}}"
+    each = f"for_each: {{in: {list(range(12))}, as: x, do: {{{step}}}}}"
     tree = f"sequence: [{{set: {{n: 0}}}}, {{{each if rounds == 'for_each' else f'{step}, {rounds}'}}}]"
     assert outcome(tree, "can: fail") == PROVED
+
+
+@pytest.mark.parametrize(("members", "expected"), [(10, PROVED), (11, REFUTED)])
+def test_members_of_a_list_are_known_up_to_ten(members: int, expected: str) -> None:
+    loop = f"for_each: {{in: {list(range(members))}, as: x, do: {{check: x < {members}}}}}"
+    tree = f"sequence: [{{selector: [{{{loop}}}, {{drive: 1 m}}]}}, {{say: Hi}}]"
+    assert outcome(tree, "never: drive before say") == expected
 
 
 def test_a_third_attempt_is_the_last_of_three() -> None:
