@@ -12,9 +12,10 @@ from behaviours.leaf import Leaf
 from config.units import UNITS
 from missions.cli.console import console, echo
 from missions.cli.options import folder_behaviour_files
-from missions.language.nodes import BRANCHES, COMPOSITES, MODIFIERS, OTHER_PARENTS, OWNED_KEYS
+from missions.language.nodes import BRANCHES, COMPOSITES, FAILURE_NAME, MODIFIERS, OTHER_PARENTS, OWNED_KEYS
+from missions.language.operators import FUNCTION_HELP
 from missions.language.parallel_counts import COUNTS
-from missions.language.steps import BESIDE_KEYS
+from missions.language.steps import BESIDE_KEYS, STEP_KEY_HELP
 from missions.language.synonyms import unknown_word_hint
 from missions.library.catalogue import default_text, requirements_text, summary
 from missions.library.vocabulary import load_leaves
@@ -32,7 +33,7 @@ def show_behaviour(name: str, files: Sequence[Path], *, as_json: bool) -> None:
         else:
             _describe(leaves[name])
     elif name in (known := word_help()):
-        click.echo(f"{name}: {known[name]}")
+        click.echo(known[name] if known[name].startswith(f"{name}(") else f"{name}: {known[name]}")
     else:
         hint = unknown_word_hint(name, leaves, BRANCHES, (*MODIFIERS, *BESIDE_KEYS), alone=False)
         raise click.UsageError(
@@ -55,11 +56,13 @@ def is_word(name: str, files: Sequence[Path]) -> bool:
 
 
 def word_help() -> Mapping[str, str]:
-    """Return the help of each composite and modifier, by its word in missions."""
+    """Return the help of each composite, modifier, other key and function, by its word in missions."""
     modifier_texts = {word: f"{text} (takes {takes})" for word, (takes, text) in COUNTS.items()}
     modifier_texts |= {word: f"{text} (takes {takes})" for word, (_, takes, text) in OWNED_KEYS.items()}
     modifiers = {word: f"{each.help} (takes {each.takes})" for word, each in MODIFIERS.items()}
-    return {word: kind.help for word, kind in BRANCHES.items()} | modifier_texts | modifiers
+    branches = {word: kind.help for word, kind in BRANCHES.items()}
+    failure = {FAILURE_NAME: "reason of the last failure: in later children of a selector, in 'recover' and 'finally'"}
+    return STEP_KEY_HELP | failure | FUNCTION_HELP | branches | modifier_texts | modifiers
 
 
 def _list(leaves: Mapping[str, type[Leaf]]) -> None:

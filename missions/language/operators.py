@@ -260,6 +260,16 @@ FUNCTIONS: dict[str, Callable[..., object]] = {
 }
 """Functions that an expression can call; ``random`` also takes the source of random numbers."""
 
+FUNCTION_HELP = {
+    "min": "min(A, B, ...) or min(LIST): the smallest value; all have one dimension",
+    "max": "max(A, B, ...) or max(LIST): the greatest value; all have one dimension",
+    "abs": "abs(X): the size of a number or a quantity without its sign",
+    "round": "round(X) or round(X, DIGITS): to a whole number, or to DIGITS decimals; a quantity in its usual unit",
+    "len": "len(X): the number of members of a list, or of characters of a text",
+    RANDOM: "random(LOW, HIGH): a number or a quantity between two of one dimension, from the seed of the run",
+}
+"""Call and meaning of each function, for ``mission show``."""
+
 
 def check_text_length(text: str) -> str:
     """Return ``text``. Raises ValueError if it is longer than MAX_TEXT."""

@@ -208,7 +208,15 @@ def _read_submission_params(
     return values
 
 
-BESIDE_KEYS = ("name", "as", "with", "returns", *COUNTS, *MODIFIER_KEYS, *ORDER_KEYS)
+STEP_KEY_HELP = {
+    "name": "what people see in pictures of the tree",
+    "as": "the variable that keeps what this behaviour has found",
+    "with": "the values of the params of the mission that is run",
+    "returns": "what the mission that is run hands back: a variable and an expression",
+}
+"""Help of the keys that name a step, and connect it with variables and another mission."""
+
+BESIDE_KEYS = (*STEP_KEY_HELP, *COUNTS, *MODIFIER_KEYS, *ORDER_KEYS)
 """Keys that can stand beside a behaviour and are not modifiers."""
 
 OWNER_OF_KEY = {

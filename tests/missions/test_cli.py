@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -20,6 +21,9 @@ from behaviours.catalogue import LEAVES
 from config.defaults import config_folder
 from config.library import find_file
 from missions.cli.commands import declared_commands
+from missions.language.nodes import FAILURE_NAME
+from missions.language.operators import FUNCTIONS
+from missions.language.steps import BESIDE_KEYS
 from tests.missions.command import Outcome, Process, command, events_of
 from tests.waiting import wait_until
 
@@ -223,6 +227,13 @@ def test_every_leaf_and_argument_has_help() -> None:
         assert leaf.tag == word
         assert (leaf.__doc__ or "").strip(), word
         assert all(argument.help for argument in leaf.arguments.values()), word
+
+
+@pytest.mark.parametrize("word", [*BESIDE_KEYS, *FUNCTIONS, FAILURE_NAME, "sequence", "timeout"])
+def test_show_explains_each_word_of_the_language(mission: Mission, word: str) -> None:
+    outcome = mission("show", word)
+    assert outcome.code == 0
+    assert re.match(rf"{word}(\(.+\))?( or {word}\(.+\))?: \w", outcome.out)
 
 
 def test_unknown_behaviour_gives_a_suggestion(mission: Mission) -> None:

@@ -15,7 +15,7 @@ from missions.language.nodes import (
     WAIT_FOR,
 )
 from missions.language.parallel_counts import COUNTS
-from missions.language.steps import OWNER_OF_KEY
+from missions.language.steps import OWNER_OF_KEY, STEP_KEY_HELP
 from missions.library.catalogue import sentence, summary
 from missions.plugins.schema.values import (
     EXPRESSION,
@@ -149,10 +149,10 @@ def _for_each() -> Schema:
 
 def _beside_schemas() -> dict[str, Schema]:
     return {
-        "name": {"description": "What people see in pictures of the tree.", "type": SCALAR, "pattern": r"\S"},
-        "as": {"description": "The variable that keeps what this behaviour has found.", **NAME},
+        "name": {"description": sentence(STEP_KEY_HELP["name"]), "type": SCALAR, "pattern": r"\S"},
+        "as": {"description": sentence(STEP_KEY_HELP["as"]), **NAME},
         "with": {
-            "description": "The values of the params of the mission that is run.",
+            "description": sentence(STEP_KEY_HELP["with"]),
             "type": "object",
             "additionalProperties": {
                 "type": [*SCALAR, "null", "array"],
@@ -160,7 +160,7 @@ def _beside_schemas() -> dict[str, Schema]:
                 "errorMessage": "needs one value, or a list",
             },
         },
-        "returns": {"description": "What the mission that is run hands back: a variable and an expression.", **RESULTS},
+        "returns": {"description": sentence(STEP_KEY_HELP["returns"]), **RESULTS},
         **{word: _setting_schema(takes, text) for word, (takes, text) in COUNTS.items()},
         **{word: _setting_schema(takes, text) for word, (_, takes, text) in OWNED_KEYS.items()},
     }
