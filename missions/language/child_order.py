@@ -41,9 +41,15 @@ def _read_weights(context: CheckContext, node: Node, children: int) -> Value:
     try:
         members = untyped_members(node)
     except ValueError as error:
-        context.fault(node.mark, f"{label} {error}", 'write weights: "${LIST}" for a param or a variable')
+        context.fault(node.mark, f"{label} {error}", f'write weights: "{_computed_list(node)}"')
         return INVALID_VALUE
     return context.convert_constant(node, members, label, convert)
+
+
+def _computed_list(node: Listing) -> str:
+    """Return one expression for a list with expressions among its members."""
+    texts = [item.text if isinstance(item, Scalar) else "NUMBER" for item in node.items]
+    return f"${{[{', '.join(text.removeprefix('${').removesuffix('}') for text in texts)}]}}"
 
 
 def _as_weights(children: int, value: object) -> Weights:

@@ -85,6 +85,15 @@ def test_verify_takes_unknown_weights_for_any() -> None:
     assert outcome(tree, "can: succeed") == PROVED
 
 
+def test_hint_for_a_weight_from_a_param_is_followed_to_the_letter() -> None:
+    tree = "random_selector: [{{say: a}}, {{say: b}}]\nweights: {}"
+    with pytest.raises(InvalidFileError) as refused:
+        plan_of(tree.format("['${a}', 2]"), params="{a: 3}")
+    hint = '"${[a, 2]}"'
+    assert f"write weights: {hint}" in str(refused.value)
+    plan_of(tree.format(hint), params="{a: 3}")
+
+
 def test_variable_of_one_alternative_may_be_unset_after_a_selector_in_turn() -> None:
     tree = "sequence: [{{selector: [{{sequence: [{{set: {{x: 1}}}}, fail]}}, succeed]{}}}, {{log: '${{x}}'}}]"
     plan_of(tree.format(""))
