@@ -5,10 +5,23 @@ from collections.abc import Mapping
 from behaviours.leaf import Leaf
 from config.yaml_nodes import Mapping as Entries
 from config.yaml_nodes import Node, Scalar
-from missions.language.nodes import BRANCHES, FINALLY, FOR_EACH, HALT_LIMIT, MODIFIERS, SWITCHES, WAIT_FOR
+from missions.language.nodes import (
+    BRANCHES,
+    FINALLY,
+    FOR_EACH,
+    HALT_LIMIT,
+    MODIFIERS,
+    OWNED_KEYS,
+    RECOVER,
+    RETRY,
+    SWITCHES,
+    WAIT_FOR,
+)
 from missions.language.plan import Step
+from missions.plugins.interchange.mission_source import script_kind
 from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, RESULT
 from missions.plugins.interchange.report import LOST
+from missions.plugins.interchange.script_writer import NotAScriptError
 from missions.plugins.interchange.tree_writer import TreeWriter
 from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, is_text_argument, port_text
@@ -59,10 +72,10 @@ def _custom_parent(
     is_named: bool = False,
 ) -> Element:
     word = step.kind
-    id_ = _custom_id(word)
+    id_ = _custom_id(f"{RETRY}_{RECOVER}" if word == RETRY and role == "Control" else word)
     model = _model(writer, role, id_, word, BRANCHES[word].help if word in BRANCHES else MODIFIERS[word].help, step)
     for port in ports:
-        _declare(model, "input_port", port, "std::string", "")
+        _declare(model, "input_port", port, "std::string", OWNED_KEYS[port][2] if port in OWNED_KEYS else "")
     return writer.new(id_, step, ports, children, is_named=is_named)
 
 
@@ -91,13 +104,15 @@ def _custom_leaf(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> Element:
         kind = "std::string" if leaf.output_type is str else "BT::AnyTypeAllowed"
         _declare(model, "output_port", _result_port(leaf), kind, leaf.output_doc)
     writer.found.leaves[id_] = None
-    ports = _leaf_ports(writer, step, leaf)
+    script = dict[str, str]()
+    ports = _leaf_ports(writer, step, leaf, script)
     if step.output_variable is not None:
         ports[_result_port(leaf)] = f"{{{step.output_variable}}}"
-    return writer.new(id_, step, ports, is_named=True)
+    return writer.prepared(step, writer.new(id_, step, ports, is_named=True), script)
 
 
-def _leaf_ports(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> dict[str, str]:
+def _leaf_ports(writer: TreeWriter, step: Step, leaf: type[Leaf], script: dict[str, str]) -> dict[str, str]:
+    """Return the ports of an exported leaf; assignments for their calculated values are added to ``script``."""
     value = writer.mission.value(step)
     if leaf.open_ended:
         return {"values": YAML_PREFIX + flow_text(value)}
@@ -109,10 +124,15 @@ def _leaf_ports(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> dict[str, s
         entries = {name.text: node for name, node in value.entries} if isinstance(value, Entries) else {}
     ports = dict[str, str]()
     for name, node in entries.items():
-        text = port_text(node, is_text=is_text_argument(leaf.arguments.get(name)))
-        ports[_port_name(name)] = text
+        argument = leaf.arguments.get(name)
+        port, text = _port_name(name), port_text(node, is_text=is_text_argument(argument))
         if "${" in text:
-            writer.note(LOST, step, f"the port '{_port_name(name)}' is not calculated there: {text}")
+            try:
+                kind = script_kind("" if argument is None else argument.kind)
+                text = writer.calculate(node, f"{leaf.tag}_{name}", kind, script)
+            except NotAScriptError as reason:
+                writer.note(LOST, step, f"the port '{port}' is not calculated there ({reason}): {text}")
+        ports[port] = text
     return ports
 
 

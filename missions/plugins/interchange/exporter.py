@@ -37,8 +37,6 @@ from missions.plugins.interchange.script_writer import (
     TEXT,
     WHOLE,
     NotAScriptError,
-    script_value,
-    value_of,
 )
 from missions.plugins.interchange.tree_writer import CUSTOM, ExportedTree, TreeWriter, can_be_skipped
 from missions.plugins.interchange.xml_reader import Element
@@ -111,7 +109,7 @@ class _Exporter:
         model = Element("SubTree", {"ID": mission.id}, mission.source, 1)
         for name, param in mission.params.items():
             attributes = {"name": name, "type": _CPP_TYPES.get(param.kind, "std::string")}
-            if isinstance(param.default, Scalar) and param.default.value is not None:
+            if param.default is not None and not (isinstance(param.default, Scalar) and param.default.value is None):
                 attributes["default"] = port_text(param.default, is_text=True)
             elif not all(name in given for given in self._calls.get(mission.id, [])):
                 continue  # the library would require it of all callers
@@ -152,32 +150,25 @@ class _Exporter:
             writer.note(LOST, step, "'as': its results are not stored there")
         self._calls.setdefault(inner.id, []).append(given)
         call = writer.new("SubTree", step, attributes, is_named=True)
-        if not script:
-            return call
-        code = "; ".join(f"{name} := {value}" for name, value in script.items())
-        return writer.new("Sequence", step, {MARK: MISSION}, [writer.new("Script", step, {"code": code}), call])
+        return writer.prepared(step, call, script)
 
 
 def _passed(writer: TreeWriter, inner: MissionSource, name: str, node: Node, script: dict[str, str]) -> str:
     """Return the port of a SubTree node for the param ``name`` of the called mission ``inner``.
 
-    It is a text or a pointer, since a constant in such a port is always a text. For a number or a calculation, an
-    assignment is added to ``script``, which sets a variable before the call, and the port points to this variable.
-    Raises NotAScriptError if a script cannot set it.
+    It is a text, a list as YAML, or a pointer, since a constant in such a port is always a text. For a number or a
+    calculation, an assignment is added to ``script``, which sets a variable before the call, and the port points to
+    this variable. Raises NotAScriptError if a script cannot set it.
     """
     param = inner.params.get(name, MissionParam(OTHER))
     text = port_text(node, is_text=param.kind == TEXT)
-    is_constant = "${" not in text and not text.startswith(YAML_PREFIX) and param.kind in (TEXT, OTHER, ANY)
-    if not _can_be_port(name) or not isinstance(node, Scalar):
-        raise NotAScriptError("a list")
-    if is_pointer(text) or (is_constant and isinstance(node.value, str)):
+    if not _can_be_port(name):
+        raise NotAScriptError("the name of the param")
+    is_text = isinstance(node, Scalar) and isinstance(node.value, str) and not text.startswith(YAML_PREFIX)
+    is_list = not isinstance(node, Scalar) and param.kind == OTHER
+    if is_pointer(text) or ("${" not in text and (is_list or (is_text and param.kind in (TEXT, OTHER, ANY)))):
         return text
-    value = script_value(value_of(node), writer.mission.kinds, param.kind)
-    wishes = (f"{inner.id}_{name}", *(f"{inner.id}_{name}_{number}" for number in range(2, 10_000)))
-    variable = next(each for each in wishes if each not in writer.mission.kinds)
-    writer.mission.kinds[variable] = param.kind
-    script[variable] = value
-    return f"{{{variable}}}"
+    return writer.calculate(node, f"{inner.id}_{name}", param.kind, script)
 
 
 def _add_result(writer: TreeWriter, step: Step, attributes: dict[str, str], outer: str, inner: str) -> None:

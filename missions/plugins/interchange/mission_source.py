@@ -115,13 +115,18 @@ def _index(node: Node, found: dict[tuple[int, int], tuple[Entries, Node]]) -> No
             _index(item, found)
 
 
-_PARAM_KINDS = {
+_KINDS = {
     "number": FRACTION,
     "count": WHOLE,
     "flag": FLAG,
     "value": ANY,
     **dict.fromkeys(("text", "choice", *NAME_TYPES), TEXT),
 }
+
+
+def script_kind(type_: str) -> str:
+    """Return the kind of values, in scripts, of a param or an argument with this type."""
+    return _KINDS.get(type_, OTHER)
 
 
 def _param(node: Node) -> MissionParam:
@@ -136,7 +141,7 @@ def _param_kind(node: Node) -> str:
     if isinstance(node, Entries):
         kind, default = node.get("type"), node.get("default")
         if isinstance(kind, Scalar):
-            return _PARAM_KINDS.get(kind.text, OTHER)
+            return script_kind(kind.text)
         return _param_kind(default) if default is not None else OTHER
     if not isinstance(node, Scalar) or node.value is None:
         return OTHER

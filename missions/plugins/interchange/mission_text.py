@@ -194,7 +194,7 @@ def _entry_lines(key: str, value: object, indent: int, remark: str = "") -> list
     return [f"{space}{key}: {scalar_text(value)}{behind}"]
 
 
-def _mapping_lines(key: str, value: dict[str, object], indent: int, behind: str) -> list[str]:
+def _mapping_lines(key: str, value: dict[str | Verbatim, object], indent: int, behind: str) -> list[str]:
     space = " " * indent
     if not any(isinstance(each, MissionStep | dict | list) for each in value.values()):
         inside = ", ".join(f"{_key_text(name)}: {scalar_text(each, flow=True)}" for name, each in value.items())
@@ -207,7 +207,9 @@ def _mapping_lines(key: str, value: dict[str, object], indent: int, behind: str)
     return lines
 
 
-def _key_text(key: str) -> str:
+def _key_text(key: str | Verbatim) -> str:
+    if isinstance(key, Verbatim):
+        return key.text
     return key if key in ("true", "false", "on") else yaml_word(key)
 
 

@@ -258,10 +258,11 @@ CASES = "_cases"
 There is one case for each child after the condition; null for a filler, a child that only stands for a missing case.
 """
 
-UNSKIPPED, FILLER = "unskipped", "no case"
+UNSKIPPED, FILLER, PREPARED = "unskipped", "no case", "prepared"
 """Values of ``MARK`` for exported elements that stand for no step.
 
 ``UNSKIPPED`` marks a Sequence that turns a skip into a success, ``FILLER`` a child for a case that the switch lacks.
+``PREPARED`` marks a Sequence of a Script, which calculates values, and the node that reads them by its ports.
 """
 
 RESULT = "result"

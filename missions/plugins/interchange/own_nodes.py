@@ -3,7 +3,7 @@
 Such an element has the attribute ``MARK``, or the declaration of its node in ``TreeNodesModel`` has a word of missions.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 from config.yaml_nodes import Listing, Scalar
 from config.yaml_writer import yaml_word
@@ -33,6 +33,7 @@ from missions.plugins.interchange.node_kinds import (
     INTERRUPTED,
     MARK,
     PARAMS,
+    PREPARED,
     PROPERTIES,
     REASON,
     RESULT,
@@ -86,7 +87,7 @@ def _word_of(project: ForeignProject, kind: str) -> str:
 def _with_name(step: MissionStep, element: Element) -> MissionStep:
     name = element.attributes.get("name", "").strip()
     if name and "name" not in step.keys:
-        step.keys = {"name": name, **step.keys}
+        step.keys = {"name": Verbatim(yaml_word(name)), **step.keys}
     return step
 
 
@@ -185,9 +186,10 @@ def _set(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | 
 def _switch(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
     del skip_as
     word, children = element.attributes[MARK], list(element.children)
-    cases = dict[str, object]()
+    cases = dict[str | Verbatim, object]()
     value: dict[str, object] = {"on": None, "cases": cases}
     on: str | None
+    names: Sequence[str | Verbatim | None]
     reads: tuple[str, ...] = ()
     if "variable" in element.attributes:
         on = tree.variable(element.attributes["variable"].strip("{} "))
@@ -207,47 +209,55 @@ def _switch(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep
         if child.attributes.get(MARK) == FILLER:
             continue
         step = tree.node(child, "success", word)
-        if name == "default" and child is children[-1]:
+        if name in ("default", Verbatim("default")):
             value["default"] = step
-        elif name == "default":
-            value |= {"default": step}
-        else:
-            cases[str(name)] = step
+        elif name is not None:
+            cases[name] = step
     value["on"] = PlainExpression(on)
     return MissionStep(word, value, reads=reads)
 
 
-def _can_be_case(name: str | None) -> bool:
+def _can_be_case(name: str | Verbatim | None) -> bool:
     """Return whether a text is short enough for a case of a switch, which is a key in YAML."""
-    return name is not None and len(name) <= MAX_CASE_LENGTH
+    return name is not None and len(name.text if isinstance(name, Verbatim) else name) <= MAX_CASE_LENGTH
 
 
-def _case_names(element: Element) -> list[str | None]:
+def _case_names(element: Element) -> list[Verbatim]:
     """Return the cases of an exported switch, in the order of its children; empty if they cannot be read."""
     try:
         found = read_flow(element.attributes.get(CASES, element.attributes.get("cases", "")))
     except ValueError:
         return []
-    return [each.text for each in found.items if isinstance(each, Scalar)] if isinstance(found, Listing) else []
+    items = found.items if isinstance(found, Listing) else []
+    return [Verbatim(flow_text(each)) for each in items if isinstance(each, Scalar)]
 
 
-def _prepared_call(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
-    """Return the ``mission`` step for a Sequence of a Script, which sets variables, and a SubTree, which passes them.
+def _prepared(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
+    """Return the step for a Sequence of a Script, which sets variables, and a leaf or SubTree, which reads them.
 
-    The step passes the values of the script directly, as params.
+    The step has the values of the script directly, as arguments or params.
     """
     if len(element.children) != 2:
         return None
     script = tree.script(element, element.children[0].attributes.get("code", ""))
-    step = tree.node(element.children[1], skip_as, "")
-    given = step.keys.get("with", {})
-    if script is None or step.word != MISSION or not isinstance(given, dict):
+    if script is None:
         return None
-    values = {each.entry: assigned_value(each.formula, None) for each in script.assignments}
-    for port, text in element.children[1].attributes.items():
-        if port in given and is_pointer(text) and text.strip("{} ") in values:
-            given[port] = values[text.strip("{} ")]
+    step = tree.node(element.children[1], skip_as, "")
+    values = {
+        Verbatim(port_value(f"{{{each.entry}}}", is_text=True)): assigned_value(each.formula, None)
+        for each in script.assignments
+    }
+    step.value = _with_values(step.value, values)
+    if "with" in step.keys:
+        step.keys["with"] = _with_values(step.keys["with"], values)
     return step
+
+
+def _with_values(value: object, values: Mapping[Verbatim, object]) -> object:
+    """Return an argument, or a mapping of arguments, in which the variables in ``values`` have been replaced."""
+    if isinstance(value, dict):
+        return {name: _with_values(each, values) for name, each in value.items()}
+    return values.get(value, value) if isinstance(value, Verbatim) else value
 
 
 def _unskipped(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionStep | None:
@@ -264,7 +274,7 @@ _MARKED: Mapping[str, Callable[[TreeContext, Element, SkipAs], MissionStep | Non
     "wait_until": _wait_until,
     "set": _set,
     **dict.fromkeys(SWITCHES, _switch),
-    MISSION: _prepared_call,
+    PREPARED: _prepared,
     UNSKIPPED: _unskipped,
 }
 
@@ -276,7 +286,7 @@ def _custom(tree: TreeContext, element: Element, word: str, children: list[Missi
     if word in MODIFIERS:
         return _custom_modifier(tree, element, word, children)
     if word in SWITCHES:
-        names = [str(name) for name in _case_names(element)]
+        names = _case_names(element)
         value: dict[str, object] = {
             "on": PlainExpression(element.attributes.get("on", "")),
             "cases": dict(zip(names, children, strict=False)),

@@ -10,8 +10,9 @@ from config.yaml_nodes import Node, Scalar
 from missions.language.nodes import COMPOSITES, MISSION, MODIFIER_KEYS, MODIFIERS
 from missions.language.plan import Step
 from missions.plugins.interchange.mission_source import MissionSource
+from missions.plugins.interchange.node_kinds import MARK, PREPARED
 from missions.plugins.interchange.report import DIFFERS, LOST, Remark
-from missions.plugins.interchange.script_writer import NotAScriptError
+from missions.plugins.interchange.script_writer import NotAScriptError, script_value, value_of
 from missions.plugins.interchange.xml_reader import Element
 
 CUSTOM = "custom"
@@ -113,6 +114,27 @@ class TreeWriter:
         value = self.mission.value(step)
         cases = value.get("cases") if isinstance(value, Entries) else None
         return cases.entries if isinstance(cases, Entries) else []
+
+    def calculate(self, node: Node, variable: str, kind: str, script: dict[str, str]) -> str:
+        """Add an assignment of the value in ``node`` to ``script``, and return the pointer to the new variable.
+
+        ``variable`` is the wish for its name, ``kind`` the kind of the value. Raises NotAScriptError if a script
+        cannot calculate it.
+        """
+        kinds = self.mission.kinds
+        value = script_value(value_of(node), kinds, kind)
+        wishes = (variable, *(f"{variable}_{number}" for number in range(2, 10_000)))
+        name = next(each for each in wishes if each not in kinds)
+        kinds[name] = kind
+        script[name] = value
+        return f"{{{name}}}"
+
+    def prepared(self, step: Step, element: Element, script: Mapping[str, str]) -> Element:
+        """Return ``element`` behind a Script with the assignments of ``script``; alone if there are none."""
+        if not script:
+            return element
+        code = "; ".join(f"{name} := {value}" for name, value in script.items())
+        return self.new("Sequence", step, {MARK: PREPARED}, [self.new("Script", step, {"code": code}), element])
 
     def require_unskipped(self, step: Step) -> None:
         if can_be_skipped(step.children[0]):

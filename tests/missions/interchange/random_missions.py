@@ -11,6 +11,14 @@ from missions.language.nodes import COMPOSITES, MODIFIERS
 
 Tree = dict[str, Any]
 VARIABLES = ("a", "b", "c")
+LISTS = """params:
+  numbers: [1, 2, 3]
+  points: [{x: 1 m, y: 0 m}, {x: 2 m, y: 1 m}]
+  things: {type: list, of: text, default: ["a b", "5"]}
+  limits: [-60 deg, 60 deg]
+  way: 1 m
+"""
+"""Params of missions of all kinds."""
 COUNTS = (1, 2, 3)
 
 
@@ -33,19 +41,20 @@ class Draw:
         """Draw the main mission, and those that it runs."""
         first: Tree = {"set": {name: self.random.randint(0, 2) for name in VARIABLES} | {"flag": True, "word": "one"}}
         tree: Tree = {"sequence": [first, self.tree(depth, rounds=True)]}
-        self.files["main.yaml"] = f"mission: main\ntree: {json.dumps(tree)}\n"
+        params = LISTS if self.all_kinds else ""
+        self.files["main.yaml"] = f"mission: main\n{params}tree: {json.dumps(tree)}\n"
 
     def tree(self, depth: int, *, rounds: bool) -> Tree:
         """Draw a node with modifiers; without ``rounds``, none below begins a round at another tick than there."""
         tree = self._node(depth, rounds=rounds)
         for word in self.random.sample(sorted(self._modifiers()), self.random.choice((0, 0, 0, 1, 1, 2))):
-            if word == "recover" and "retry" not in tree:
-                continue
             if word in ("retry", "repeat", "while", "until", "for") and not (rounds or self.all_kinds):
                 continue
             if word in ("while", "until", "for") and not self.all_kinds and depth:
                 tree = self._node(0, rounds=False)
             tree[word] = self._modifiers()[word]()
+            if self.all_kinds and word in ("retry", "finally") and self.random.random() < 0.4:
+                tree |= {"recover": self._recovery()} if word == "retry" else {"halt_limit": "2 s"}
         return tree
 
     def _node(self, depth: int, *, rounds: bool) -> Tree:
@@ -58,12 +67,7 @@ class Draw:
             inner = rounds and not word.startswith("reactive")
             return self._named({word: [self.tree(depth - 1, rounds=inner) for _ in range(random.randint(1, 3))]})
         if draw < 6:
-            word = random.choice(sorted(COMPOSITES))
-            children = [self.tree(depth - 1, rounds=False) for _ in range(random.randint(1, 3))]
-            if word == "random_selector" and random.random() < 0.5:
-                return self._named({word: children, "weights": [random.randint(1, 3) for _ in children]})
-            more = {"in_turn": True} if word == "selector" and random.random() < 0.5 else {}
-            return self._named({word: children, **more})
+            return self._composite(depth)
         if draw < 8:
             return self._parallel(depth)
         if draw == 8:
@@ -73,10 +77,36 @@ class Draw:
         if draw == 10:
             return self._submission(depth)
         if draw == 11 and self.all_kinds:
-            loop: Tree = {"in": random.choice(([1, 2], ["x", "y"], "[a, b]")), "as": f"m{next(self._numbers)}"}
-            loop["do"] = self.tree(depth - 1, rounds=False)
-            return self._named({"for_each": loop})
+            return self._named({"for_each": self._loop(depth)})
         return self._leaf()
+
+    def _composite(self, depth: int) -> Tree:
+        random = self.random
+        word = random.choice(sorted(COMPOSITES))
+        children = [self.tree(depth - 1, rounds=False) for _ in range(random.randint(1, 3))]
+        more: Tree = {"in_turn": True} if word == "selector" and random.random() < 0.5 else {}
+        if word == "random_selector" and random.random() < 0.6:
+            more = {"weights": random.choice(([random.randint(1, 3) for _ in children], ["50 %"] * len(children)))}
+            if self._is_main and len(children) == 3 and random.random() < 0.4:
+                more = {"weights": "${numbers}"}
+        return self._named({word: children, **more})
+
+    def _loop(self, depth: int) -> Tree:
+        random = self.random
+        name = f"m{next(self._numbers)}"
+        lists: list[Any] = [
+            [1, 2],
+            ["x", "y"],
+            "[a, b]",
+            "[a] + [b, 2]",
+            [{"x": 1, "say": "a: b"}, {"x": 2, "say": "5"}],
+        ]
+        if self._is_main:
+            lists += ["numbers", "points", "${things}"]
+        loop: Tree = {"in": random.choice(lists), "as": name, "do": self.tree(depth - 1, rounds=False)}
+        if loop["in"] == "points" and random.random() < 0.7:
+            loop["do"] = {"go_to": {"x": f"${{{name}.x}}", "y": f"${{{name}.y}}"}}
+        return {**loop, **({"number": f"k{name}"} if random.random() < 0.3 else {})}
 
     def _named(self, tree: Tree) -> Tree:
         return tree if self.random.random() < 0.3 else {**tree, "name": f"n{next(self._numbers)}"}
@@ -119,8 +149,15 @@ class Draw:
         tree = {"sequence": [first, self.tree(depth - 1, rounds=False)]}
         self._is_main = True
         returns = "returns: {found: found}\n" if self.random.random() < 0.5 else ""
-        self.files[f"{name}.yaml"] = f"mission: {name}\nparams: {{given: 1}}\ntree: {json.dumps(tree)}\n{returns}"
+        params: Tree = {"given": 1}
         call: Tree = {"mission": name, "with": {"given": "${a}" if self.random.random() < 0.5 else 2}}
+        if self.all_kinds:
+            params |= {"rooms": ["hall", "study"], "far": "1 m", "places": [{"x": "1 m"}]}
+            others = {"rooms": ["a: b", "5"], "far": "${way * 2}", "places": [{"x": "2 m"}, {"x": "50 cm"}]}
+            call["with"] |= {key: value for key, value in others.items() if self.random.random() < 0.5}
+        self.files[f"{name}.yaml"] = (
+            f"mission: {name}\nparams: {json.dumps(params)}\ntree: {json.dumps(tree)}\n{returns}"
+        )
         if not returns:
             call["returns"] = {f"found_{next(self._numbers)}": "found"}
         return self._named(call)
@@ -143,6 +180,17 @@ class Draw:
         return {"probe": None, "name": name}
 
     def _other_leaf(self) -> Tree:
+        if self._is_main and self.random.random() < 0.2:
+            return self.random.choice(
+                (
+                    {"navigate_through": "${points}"},
+                    {"find_face": {"pan": "${limits}"}},
+                    {"listen": {"for": "${things}"}},
+                    {"set": {"numbers": "${numbers + [a]}"}},
+                    {"switch": {"on": "way", "cases": {"1 m": {"succeed": None}, "2 m": {"fail": None}}}},
+                    {"drive": "${way}"},
+                )
+            )
         return self.random.choice(
             (
                 {"drive": "1 m"},
@@ -150,6 +198,13 @@ class Draw:
                 {"say": "Good day, ${word}"},
                 {"say": "{no: pointer}"},
                 {"say": "5"},
+                {"say": "${word if a > 1 else 'no'}"},
+                {"say": "${word}, ${a} times"},
+                {"find_face": {"scans": "${a + 1}"}},
+                {"set": {"dice": "${random(0, 10)}"}},
+                {"check": "random(0, 1) < 0.5"},
+                {"set": {"place": {"x": "${base.x}", "say": "${word}", "all": [1, "a: b"]}}},
+                {"set": {"seen": [{"x": "1 m", "say": "5"}]}},
                 {"find_face": {"pan": ["-60 deg", "60 deg"], "scans": 1}, "as": "person"},
                 {"listen": {"for": ["yes", "no: never"], "timeout": "3 s"}, "as": "answer"},
                 {"move_joints": {"to": {"elbow": "30 deg", "wrist": "${a * 1 deg}"}}},
@@ -222,11 +277,13 @@ class Draw:
             "once": lambda: random.choice((True, "a")),
             "on_running": lambda: random.choice(("succeed", "fail")),
             "if": lambda: random.choice((self._condition(), "battery.percent > 20", "${flag}")),
-            "recover": self._leaf,
-            "finally": lambda: {"log": "${word}"},
+            "finally": self._recovery,
         }
-        assert known.keys() >= MODIFIERS.keys() - {"recover"}, MODIFIERS.keys() - known.keys()
+        assert known.keys() >= MODIFIERS.keys(), MODIFIERS.keys() - known.keys()
         return known
+
+    def _recovery(self) -> Tree:
+        return self.random.choice(({"log": "${failure}"}, {"log": "${word}"}, {"set": {"a": 1}}, {"succeed": None}))
 
 
 def draw_mission(seed: int, *, all_kinds: bool = False) -> Draw:

@@ -84,7 +84,7 @@ def test_a_step_becomes_the_equal_nodes(tmp_path: Path, tree: str, expected: obj
         ("{random_selector: [fail, succeed], weights: [1, 2]}", "RandomSelector", "'random_selector'"),
         ("{selector: [fail, succeed], in_turn: true}", "MissionSelector", "'in_turn'"),
         ("{for_each: {in: [1, 2], as: x, do: {log: '${x}'}}}", "MissionForEach", "'for_each'"),
-        ("{fail: no, retry: 2, recover: succeed}", "MissionRetry", "'retry'"),
+        ("{fail: no, retry: 2, recover: succeed}", "RetryRecover", "'retry'"),
         ("{wait: 1 s, finally: {say: bye}, halt_limit: 2 s}", "Finally", "'finally'"),
         ("{wait: 1 s, if: n > 1, timeout: 1 s}", "MissionTimeout", "'timeout' around a skipped node"),
     ],
@@ -123,6 +123,55 @@ def test_params_of_a_submission_are_set_by_a_script(tmp_path: Path) -> None:
     assert call.attributes["found"] == "{found}"
     assert call.attributes["_defaults"] == "f"
     assert exported.lines() == []
+
+
+def test_a_list_is_passed_to_a_submission_as_yaml(tmp_path: Path) -> None:
+    inner = "mission: inner\nparams: {spots: [{x: 1 m}], words: [a]}\ntree: {listen: {for: '${words}'}}\n"
+    (tmp_path / "inner.yaml").write_text(inner)
+    exported = export(tmp_path, "{mission: inner, with: {spots: [{x: 2 m}, {x: 3 m}], words: ['a: b', 'no']}}")
+    assert body(exported).attributes["spots"] == "yaml: [{x: 2 m}, {x: 3 m}]"
+    assert body(exported).attributes["words"] == 'yaml: ["a: b", "no"]'
+    assert '<input_port name="spots" type="std::string" default="yaml: [{x: 1 m}]"/>' in exported.text
+    assert len(exported.lines()) == 1  # the leaf
+
+
+@each(
+    ("leaf", "code", "ports"),
+    [
+        ("say: 'Good day, ${word}'", "say_text := 'Good day, ' .. word", {"text": "{say_text}"}),
+        (
+            "find_face: {scans: '${k + 1}', new: true}",
+            "find_face_scans := k + 1",
+            {"scans": "{find_face_scans}", "new": "true"},
+        ),
+    ],
+)
+def test_a_script_calculates_the_arguments_of_a_leaf(
+    tmp_path: Path, leaf: str, code: str, ports: dict[str, str]
+) -> None:
+    params = "{word: a, k: {type: count, default: 1}}"
+    exported = export(tmp_path, f"{{{leaf}, retry: 2}}", params=params)
+    sequence = body(exported).children[0]
+    assert [each.attributes for each in sequence.children] == [{"code": code}, ports]
+    assert not any("not calculated" in line for line in exported.lines())
+
+
+@each("leaf", ["say: '${n} times'", "drive: '${way * 2}'", "move_joints: {to: {elbow: '${n * 1 deg}'}}"])
+def test_an_argument_that_no_script_calculates_is_reported(tmp_path: Path, leaf: str) -> None:
+    lines = export(tmp_path, f"{{{leaf}}}").lines()
+    assert any(line.strip().startswith("m.yaml:3: ") and "is not calculated there (" in line for line in lines)
+
+
+def test_retry_and_retry_with_recover_are_two_kinds_of_nodes(tmp_path: Path) -> None:
+    tree = "{sequence: [{fail: no, retry: '${n + 1}'}, {fail: no, retry: 2, recover: succeed}]}"
+    models = parse_xml(export(tmp_path, tree).text.encode(), "tree.xml").children[-1].children
+    roles = {each.attributes["ID"]: each.tag for each in models}
+    assert (roles["MissionRetry"], roles["RetryRecover"]) == ("Decorator", "Control")
+
+
+def test_cases_and_names_are_read_back_with_their_types(tmp_path: Path) -> None:
+    export(tmp_path, "{switch: {on: way, cases: {1 m: succeed, 200 cm: fail}}, name: 'a: ${b} <c>'}")
+    export(tmp_path, "{switch: {on: word, cases: {'1 m': succeed, '5': fail}}}")
 
 
 def test_comments_and_names_are_kept(tmp_path: Path) -> None:
