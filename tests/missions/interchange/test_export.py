@@ -130,7 +130,7 @@ def test_a_list_is_passed_to_a_submission_as_yaml(tmp_path: Path) -> None:
     (tmp_path / "inner.yaml").write_text(inner)
     exported = export(tmp_path, "{mission: inner, with: {spots: [{x: 2 m}, {x: 3 m}], words: ['a: b', 'no']}}")
     assert body(exported).attributes["spots"] == "yaml: [{x: 2 m}, {x: 3 m}]"
-    assert body(exported).attributes["words"] == 'yaml: ["a: b", "no"]'
+    assert body(exported).attributes["words"] == 'yaml: ["a: b", no]'
     assert '<input_port name="spots" type="std::string" default="yaml: [{x: 1 m}]"/>' in exported.text
     assert len(exported.lines()) == 1  # the leaf
 
