@@ -6,6 +6,7 @@ reader open another file or grow in memory. Nothing but the given text is read.
 
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
@@ -31,6 +32,16 @@ MAX_VALUE_LENGTH = 20_000
 
 ENCODINGS = ("utf-8", "utf8", "us-ascii", "ascii", "iso-8859-1", "latin-1", "utf-16")
 DECLARED_ENCODING = re.compile(rb"""\A[^>]{0,200}?<\?xml[^>]{0,200}?encoding\s*=\s*["']([A-Za-z0-9._-]{1,40})["']""")
+MARKUP = re.compile(
+    r"""<!--(?P<comment>.*?)(?:-->|\Z) | (?P<declaration><\?xml\b[^>]*+>)
+    | <!\[CDATA\[.*?(?:\]\]>|\Z) | <[?!][^>]*+(?:>|\Z)
+    | <(?P<name>/?[^\s"'<>=/?!]++)(?P<attributes>(?:\s*+[^\s"'<>=/]++\s*+=\s*+(?:"[^"]*"|'[^']*'))*+)\s*+(?P<end>/?)>
+    | (?P<text>[^<]++)
+    """,
+    re.DOTALL | re.VERBOSE,
+)
+ATTRIBUTE = re.compile(r"""([^\s"'<>=/]++)(\s*+=\s*+)("[^"]*"|'[^']*')""")
+BARE_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9A-Fa-f]{1,6});)")
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff]")
 
 
@@ -85,7 +96,41 @@ def parse_xml(data: bytes, name: str) -> Element:
     source = SourceText(name, data.decode("utf-8", errors="replace"))
     if encoding not in ENCODINGS:
         raise InvalidFileError([Diagnostic(source, Mark(), f"unknown encoding '{encoding}'", "save it as UTF-8")])
-    return _Builder(source).build(data)
+    try:
+        return _Builder(source).build(data)
+    except _NotWellFormedError as error:
+        mended = _mended_markup(data.decode("utf-8" if "utf-16" in encoding else encoding, errors="replace"))
+        with suppress(_NotWellFormedError):
+            return _Builder(source).build(mended.encode())
+        raise InvalidFileError(error.diagnostics) from None
+
+
+class _NotWellFormedError(InvalidFileError):
+    """Text that does not follow the grammar of XML."""
+
+
+def _mended_markup(text: str) -> str:
+    """Return well-formed XML for markup that BehaviorTree.CPP accepts.
+
+    Its reader, TinyXML-2, allows "--" in a comment, "<" and "&" in a value, attributes without a space between them,
+    and blanks before the declaration. Lines stay where they are.
+    """
+    return MARKUP.sub(_mended_token, text)
+
+
+def _mended_token(found: re.Match[str]) -> str:
+    comment, name, attributes, end, text = found.group("comment", "name", "attributes", "end", "text")
+    if comment is not None:
+        return f"<!--{re.sub('-{2,}', '-', comment).removesuffix('-')}-->"
+    if text is not None:
+        return BARE_AMPERSAND.sub("&amp;", text)
+    if found["declaration"]:
+        return ""  # it may stand only at the very beginning of well-formed XML
+    if not attributes:
+        return found[0]
+    escaped = BARE_AMPERSAND.sub("&amp;", attributes)
+    spaced = ATTRIBUTE.sub(lambda each: f" {each[1]}{each[2]}{each[3].replace('<', '&lt;')}", escaped)
+    return f"<{name}{spaced}{end}>"
 
 
 class _Builder:
@@ -112,7 +157,7 @@ class _Builder:
         except expat.ExpatError as error:
             mark = Mark(error.lineno, error.offset + 1)
             reason = f"not well-formed XML: {expat.ErrorString(error.code)}"
-            raise InvalidFileError([Diagnostic(self._source, mark, reason)]) from None
+            raise _NotWellFormedError([Diagnostic(self._source, mark, reason)]) from None
         except (UnicodeError, LookupError, ValueError) as error:
             if isinstance(error, InvalidFileError):
                 raise

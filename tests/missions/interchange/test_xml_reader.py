@@ -13,6 +13,7 @@ from missions.plugins.interchange.xml_reader import (
     parse_xml,
     read_xml,
 )
+from tests.behaviortree_cpp import ask_behaviortree_cpp, needs_behaviortree_cpp
 
 
 def refusal(data: bytes) -> str:
@@ -73,3 +74,54 @@ def test_only_regular_files_are_read(tmp_path: Path) -> None:
         read_xml(tmp_path)
     with pytest.raises(InvalidFileError, match="cannot be read"):
         read_xml(tmp_path / "missing.xml")
+
+
+LENIENT = {
+    "<!-- a -- b --><root/>": ({}, [" a - b "]),
+    "<!---------><root/>": ({}, [""]),
+    "<root code='a < b && c'/>": ({"code": "a < b && c"}, []),
+    "<root x='1'y=\"it's &nbsp; &#60;&amp;\"/>": ({"x": "1", "y": "it's &nbsp; <&"}, []),
+    "\n  <?xml version='1.0'?>\n<root z='a & b'/>": ({"z": "a & b"}, []),
+    "<root>a & b</root>": ({}, []),
+}
+
+
+@pytest.mark.parametrize("text", LENIENT)
+def test_markup_that_behaviortree_cpp_accepts_is_read(text: str) -> None:
+    root = parse_xml(text.encode(), "tree.xml")
+    assert (root.attributes, root.comments) == LENIENT[text]
+    assert root.line == text.count("\n") + 1
+
+
+@needs_behaviortree_cpp
+def test_behaviortree_cpp_accepts_that_markup() -> None:
+    body = "{}<BehaviorTree ID='M'><Script {}/></BehaviorTree>"
+    heads = ("<!-- a -- b -->", "<!--------->", "a & b", "\n")
+    trees = [body.format(head, "code='a := 1'name='b'") for head in heads]
+    trees += [body.format("", each) for each in ("code='a := 1 < 2'", "code='a := 1' name=\"it's &nbsp; & b\"")]
+    requests = [{"xml": f"<root BTCPP_format='4'>{tree}</root>", "nodes": {}} for tree in trees]
+    assert ask_behaviortree_cpp(requests) == [[]] * len(requests)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<a b='1' b='2'/>",
+        "<a b=1/>",
+        "<a b/>",
+        "<a, b='1'/>",
+        "<a/ >",
+        "<a></b>",
+        "<a><b></a>",
+        "<a",
+        "<a b='",
+        "<!--<a/>",
+    ],
+)
+def test_other_mistakes_are_refused_with_their_place(text: str) -> None:
+    assert "tree.xml:1:" in refusal(text.encode())
+
+
+@pytest.mark.parametrize("piece", ["<!--", "<![CDATA[", "<?", "<a b='", "<a b=\"'", "<a b='' ", "&", "<", "-", "</"])
+def test_long_broken_markup_is_refused(piece: str) -> None:
+    assert "tree.xml:1:" in refusal(b"<root>" + piece.encode() * (1_000_000 // len(piece)))
