@@ -11,11 +11,12 @@ from dataclasses import dataclass, field
 from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
 from missions.language.nodes import COMPOSITES, FAILURE, FAILURE_NAME, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
 from missions.language.operators import FUNCTIONS
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, normal_form
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError, parse_script
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 ROOT_ENTRY = "@"
 """Prefix of a blackboard entry that belongs to the main tree, wherever it is used: ``{@x}``."""

@@ -2,12 +2,13 @@
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of
 from missions.plugins.interchange.context import TreeContext, fail_again, set_step
-from missions.plugins.interchange.foreign_trees import is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import normal_form
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.scripts import FLAG, NUMBER, Formula, as_condition, number_text, text_formula
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 
 def parallel(tree: TreeContext, element: Element, kind: str) -> MissionStep:

@@ -19,7 +19,7 @@ from missions.language.nodes import (
 )
 from missions.language.plan import Step
 from missions.plugins.interchange.mission_source import script_kind
-from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, RESULT
+from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, RESULT, STEP_DESCRIPTION
 from missions.plugins.interchange.report import LOST
 from missions.plugins.interchange.script_writer import NotAScriptError
 from missions.plugins.interchange.tree_writer import TreeWriter
@@ -144,13 +144,12 @@ def _custom_id(word: str) -> str:
 def _model(writer: TreeWriter, role: str, id_: str, word: str, help_text: str, step: Step) -> Element:
     """Return the declaration of the custom node ``id_`` in ``TreeNodesModel``, which is made at the first use.
 
-    Its metadata, in the form of MoveIt Pro, has the step's word, by which an import finds the step again.
+    Its description has the step's word, by which an import finds the step again.
     """
     if id_ not in writer.models:
-        metadata = Element("MetadataFields", {}, step.source, 1)
-        entries = {"mission": word, **({"description": help_text} if help_text else {})}
-        metadata.children = [Element("Metadata", {key: text}, step.source, 1) for key, text in entries.items()]
-        writer.models[id_] = Element(role, {"ID": id_}, step.source, 1, children=[metadata])
+        text = f"{STEP_DESCRIPTION}'{word}': {' '.join(help_text.split())}"
+        description = Element("description", {}, step.source, 1, text=text)
+        writer.models[id_] = Element(role, {"ID": id_}, step.source, 1, children=[description])
     return writer.models[id_]
 
 

@@ -2,7 +2,6 @@
 
 from missions.plugins.interchange.blackboard import constant_value
 from missions.plugins.interchange.context import SkipAs, TreeContext, fail_again, quantity, remark_of, set_step
-from missions.plugins.interchange.foreign_trees import is_pointer
 from missions.plugins.interchange.mission_text import (
     Computed,
     MissionStep,
@@ -14,6 +13,7 @@ from missions.plugins.interchange.node_kinds import ForeignKind
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.scripts import as_condition, number_text, text_formula
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 
 def measured(

@@ -14,7 +14,7 @@ from config.yaml_writer import yaml_word
 from missions.language.nodes import MISSION, MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.plugins.interchange.custom_nodes import custom_element, custom_modifier
-from missions.plugins.interchange.foreign_trees import is_pointer
+from missions.plugins.interchange.marks import write_marks
 from missions.plugins.interchange.mission_source import MissionParam, MissionSource, read_mission
 from missions.plugins.interchange.native_nodes import native_element, native_modifier
 from missions.plugins.interchange.node_kinds import (
@@ -41,7 +41,7 @@ from missions.plugins.interchange.script_writer import (
 from missions.plugins.interchange.tree_writer import CUSTOM, ExportedTree, TreeWriter, can_be_skipped
 from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.xml_writer import xml_text
-from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, port_text
+from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, is_pointer, port_text
 
 
 def export_mission(plan: Plan) -> ExportedTree:
@@ -62,7 +62,10 @@ class _Exporter:
     def export(self, plan: Plan) -> ExportedTree:
         main = self._add_mission(plan.mission, plan.tree, plan.source, is_main=True)
         root = Element("root", {"BTCPP_format": "4", "main_tree_to_execute": main.id}, plan.source, 1)
-        models = [*self._models.values(), *(self._tree_model(each) for each in self._missions.values())]
+        trees = {each.id: self._tree_model(each) for each in self._missions.values()}
+        for tree in self._trees:
+            write_marks(tree, trees[tree.attributes["ID"]])
+        models = [*self._models.values(), *trees.values()]
         root.children = [*self._trees, Element("TreeNodesModel", {}, plan.source, 1, children=models)]
         self._found.text = xml_text(root)
         return self._found

@@ -10,10 +10,12 @@ from os.path import realpath
 from pathlib import Path
 
 from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
-from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES
+from missions.plugins.interchange.marks import description_of_model, read_marks
+from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, STEP_DESCRIPTION
 from missions.plugins.interchange.py_trees_xml import adapt_py_trees, is_py_trees
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.xml_reader import Element, read_xml, walk_elements
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 MAX_FILES = 2_000
 """Maximum number of XML files in a folder that is imported."""
@@ -26,6 +28,10 @@ GENERIC_TREE_NAMES = frozenset({"maintree", "main", "behaviortree", "tree", "roo
 
 INCLUDES = ("include", "import")
 """Tags of elements that include another XML file, in lower case."""
+
+MODEL_TAGS = ("TreeNodesModel", "TreeNodeModel")
+STEP_WORD = re.compile(rf"{STEP_DESCRIPTION}'([a-z]\w{{0,79}})': ", re.ASCII)
+"""Beginning of the description of a custom node that `mission show` has exported, with the word of the step."""
 
 OUTPUT_NAMES = ("output", "out")
 DIRECTIONS = {"input_port": "in", "output_port": "out", "inout_port": "inout"}
@@ -211,10 +217,15 @@ def project_of(root: Element, path: Path, report: ImportReport) -> ForeignProjec
 def _read_elements(project: ForeignProject, file: TreeFile, report: ImportReport) -> None:
     """Add the trees of a file to ``file`` and its node declarations to the project, and mark the main tree."""
     named_main = file.root.attributes.get("main_tree_to_execute", "")
+    models = [each for element in file.root.children if element.tag in MODEL_TAGS for each in element.children]
+    read_marks(
+        [each for each in file.root.children if each.tag == "BehaviorTree"],
+        [each for each in models if each.tag == "SubTree"],
+    )
     for element in file.root.children:
         if element.tag == "BehaviorTree":
             _add_tree(file, element, report)
-        elif element.tag in ("TreeNodesModel", "TreeNodeModel"):
+        elif element.tag in MODEL_TAGS:
             _add_models(project, element)
         elif element.tag.lower() not in INCLUDES:
             report.add(LOST, element, "an unknown element under <root>")
@@ -274,12 +285,6 @@ def _is_version_4(element: Element) -> bool:
     )
 
 
-def is_pointer(value: str) -> bool:
-    """Return whether the value of a port names an entry of the blackboard, as ``{x}`` does."""
-    text = value.strip().removeprefix("$")  # version 2 wrote ${x}
-    return text.startswith("{") and text.endswith("}") and "{" not in text[1:-1] and len(text) > 2
-
-
 def _add_tree(file: TreeFile, element: Element, report: ImportReport) -> None:
     name = element.attributes.get("ID") or file.path.stem
     if name in file.trees:
@@ -300,9 +305,8 @@ def _add_models(project: ForeignProject, element: Element) -> None:
         if declared.tag not in EXPLICIT_ROLES or not name:
             continue
         model = project.models.setdefault(name, NodeModel(declared.tag))
-        metadata = (each for fields in declared.children if fields.tag == "MetadataFields" for each in fields.children)
-        words = (each.attributes["mission"] for each in metadata if "mission" in each.attributes)
-        model.word = next((word for word in words if re.fullmatch(r"[a-z]\w{0,79}", word, re.ASCII)), model.word)
+        if found_word := STEP_WORD.match(description_of_model(declared)):
+            model.word = found_word[1]
         for port in declared.children:
             if (direction := DIRECTIONS.get(port.tag)) and (port_name := port.attributes.get("name", "")):
                 found = PortModel(

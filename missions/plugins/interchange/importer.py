@@ -16,13 +16,7 @@ from missions.plugins.interchange.blackboard import (
     give_missing_params,
 )
 from missions.plugins.interchange.dead_steps import DeadStepRemover
-from missions.plugins.interchange.foreign_trees import (
-    GENERIC_TREE_NAMES,
-    ForeignProject,
-    is_pointer,
-    project_of,
-    read_project,
-)
+from missions.plugins.interchange.foreign_trees import GENERIC_TREE_NAMES, ForeignProject, project_of, read_project
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, mission_text, snake_word
 from missions.plugins.interchange.node_kinds import PARAMS, RETURNS
@@ -32,7 +26,7 @@ from missions.plugins.interchange.python_trees import load_tree, tree_element
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import TranslatedTree, translate_tree
-from missions.plugins.interchange.yaml_ports import read_entries
+from missions.plugins.interchange.yaml_ports import is_pointer, read_entries
 
 MISSION_SUFFIX = ".yaml"
 STUB_FOLDER = "behaviours"

@@ -2,7 +2,7 @@
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of, kind_of_constant
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
-from missions.plugins.interchange.foreign_trees import PortModel, is_pointer
+from missions.plugins.interchange.foreign_trees import PortModel
 from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import COMMON_ATTRIBUTES, KINDS
@@ -11,6 +11,7 @@ from missions.plugins.interchange.report import DIFFERS, LOST, STUB
 from missions.plugins.interchange.scripts import TEXT, Formula
 from missions.plugins.interchange.stub_leaves import StubArgument, kind_of_port
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 
 def sleep(tree: TreeContext, element: Element) -> MissionStep:

@@ -8,9 +8,10 @@ from config.yaml_nodes import Listing, Node, Scalar, compose
 from config.yaml_nodes import Mapping as Entries
 from missions.language.expressions import Value
 from missions.language.for_each import steps_in_scope
+from missions.language.nodes import MISSION
 from missions.language.param_types import NAME_TYPES
 from missions.language.plan import Step
-from missions.plugins.interchange.node_kinds import INTERRUPTED, PARAMS, PROPERTIES, RETURNS, SUMMARY
+from missions.plugins.interchange.marks import HEADER
 from missions.plugins.interchange.script_writer import (
     ANY,
     FLAG,
@@ -84,9 +85,8 @@ class MissionSource:
         Name and tree of the mission are left out.
         """
         found = {}
-        keys = {"summary": SUMMARY, "params": PARAMS, "returns": RETURNS, "properties": PROPERTIES}
-        for key, attribute in {**keys, "if_interrupted": INTERRUPTED}.items():
-            node = self.root.get(key)
+        for key, attribute in HEADER.items():
+            node = None if key == MISSION else self.root.get(key)
             if node is not None:
                 found[attribute] = node.text if isinstance(node, Scalar) else YAML_PREFIX + flow_text(node)
         return found

@@ -10,7 +10,7 @@ from config.units import parse_quantity
 from config.yaml_nodes import Node, Scalar
 from missions.language.nodes import SWITCHES, WAIT_FOR
 from missions.language.plan import Step
-from missions.plugins.interchange.node_kinds import CASES, FILLER, MARK, REASON
+from missions.plugins.interchange.node_kinds import CASES, COUNTS, FILLER, MARK, REASON
 from missions.plugins.interchange.script_writer import (
     ANY,
     FLAG,
@@ -24,7 +24,7 @@ from missions.plugins.interchange.script_writer import (
 )
 from missions.plugins.interchange.tree_writer import TreeWriter, can_be_skipped
 from missions.plugins.interchange.xml_reader import Element
-from missions.plugins.interchange.yaml_ports import ONE_NAME, YAML_PREFIX, port_text
+from missions.plugins.interchange.yaml_ports import ONE_NAME, port_text
 
 
 def native_element(writer: TreeWriter, step: Step) -> Element:
@@ -86,7 +86,9 @@ def _parallel(writer: TreeWriter, step: Step) -> Element:
         needed, failures = settings.get("success_count", count), settings.get("failure_count", 1)
         needed = needed if isinstance(needed, int) else count
         most = min(failures if isinstance(failures, int) else count, count - needed + 1)
-        attributes = {"max_failures": str(most), MARK: "parallel", **{f"_{key}": written[key] for key in written}}
+        attributes = {"max_failures": str(most), MARK: "parallel"}
+        if written:
+            attributes[COUNTS] = ", ".join(f"{key}: {value}" for key, value in written.items())
         return writer.new("ParallelAll", step, attributes, writer.children(step), is_named=True)
     attributes = {**written, **({MARK: "parallel"} if written else {})}
     return writer.new("Parallel", step, attributes, writer.children(step), is_named=True)
@@ -109,7 +111,7 @@ def _switch(writer: TreeWriter, step: Step) -> Element:
         names = ["null" if place is None else "default" if place == len(cases) else cases[place] for place in ends]
         condition = writer.new("ScriptCondition", step, {"code": text})
         tag = "WhileDoElse" if SWITCHES[step.kind].reactive else "IfThenElse"
-        marks = {MARK: step.kind, CASES: f"{YAML_PREFIX}[{', '.join(names)}]"}
+        marks = {MARK: step.kind, CASES: f"[{', '.join(names)}]"}
         return writer.new(tag, step, marks, [condition, *branches], is_named=True)
     plain = all(isinstance(case, str | int) and not isinstance(case, bool) for case in step.cases)
     if not SWITCHES[step.kind].reactive or kind not in (TEXT, WHOLE, ANY) or text not in writer.mission.kinds:

@@ -2,11 +2,12 @@
 
 from missions.plugins.interchange.blackboard import constant_value
 from missions.plugins.interchange.context import SkipAs, TreeContext, quantity, remark_of, set_step
-from missions.plugins.interchange.foreign_trees import is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import normal_form
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, wrapped
 from missions.plugins.interchange.node_kinds import KINDS
 from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 PACED = ("RateController", "DistanceController", "SpeedController", "GoalUpdatedController")
 """Decorators of Nav2 that decide when a child of a PipelineSequence runs again, such as once a second."""

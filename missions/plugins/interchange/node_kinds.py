@@ -235,8 +235,8 @@ CONDITIONS = (
 MARK = "_mission"
 """Attribute of an XML element that `mission show` has exported: the word of the step from which it was made.
 
-On a ``BehaviorTree`` element it is the name of the mission. BehaviorTree.CPP ignores this attribute and those below,
-which hold data for an import that BehaviorTree.CPP has no place for.
+On a ``BehaviorTree`` element it is the name of the mission. This attribute and those below hold data for an import
+that BehaviorTree.CPP has no place for; see ``missions.plugins.interchange.marks`` for their form in a file.
 """
 
 GIVEN, DEFAULTS, CALCULATED, RETURNS, AS = "_given", "_defaults", "_calculated", "_returns", "_as"
@@ -258,12 +258,24 @@ CASES = "_cases"
 There is one case for each child after the condition; null for a filler, a child that only stands for a missing case.
 """
 
-UNSKIPPED, FILLER, PREPARED = "unskipped", "no case", "prepared"
+COUNTS = "_counts"
+"""Attribute of an exported ParallelAll node: the counts of the ``parallel``, as a YAML mapping."""
+
+NUMBER = "_number"
+"""Attribute of an exported SubTree node: its number among those with the same name in the tree, from 2.
+
+BehaviorTree.CPP refuses equal names.
+"""
+
+UNSKIPPED, FILLER, PREPARED = "unskipped", "no_case", "prepared"
 """Values of ``MARK`` for exported elements that stand for no step.
 
 ``UNSKIPPED`` marks a Sequence that turns a skip into a success, ``FILLER`` a child for a case that the switch lacks.
 ``PREPARED`` marks a Sequence of a Script, which calculates values, and the node that reads them by its ports.
 """
+
+STEP_DESCRIPTION = "mission step "
+"""First words of the description of a custom node in ``TreeNodesModel``; the word of its step follows in quotes."""
 
 RESULT = "result"
 """Name of the output port for the result of an exported leaf."""

@@ -20,13 +20,14 @@ from missions.language.nodes import (
 )
 from missions.plugins.interchange import leaves
 from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form
 from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
     AS,
     CALCULATED,
     CASES,
     COMMON_ATTRIBUTES,
+    COUNTS,
     DEFAULTS,
     FILLER,
     GIVEN,
@@ -49,6 +50,7 @@ from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import (
     YAML_PREFIX,
     flow_text,
+    is_pointer,
     is_text_argument,
     port_value,
     read_entries,
@@ -89,6 +91,15 @@ def _with_name(step: MissionStep, element: Element) -> MissionStep:
     if name and "name" not in step.keys:
         step.keys = {"name": Verbatim(yaml_word(name)), **step.keys}
     return step
+
+
+def _ports(element: Element) -> list[tuple[str, str]]:
+    """Return the ports of an exported element and their texts.
+
+    Editors add a port without a value; it is left out, since the export writes an empty text as YAML.
+    """
+    items = element.attributes.items()
+    return [(port, text) for port, text in items if text and port not in COMMON_ATTRIBUTES and port[0] != "_"]
 
 
 def _value(tree: TreeContext, element: Element, port: str, *, is_text: bool = False) -> str:
@@ -135,10 +146,11 @@ def _parallel(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionSt
     step = MissionStep("parallel", tree.children(element, "success"))
     if "max_failures" in element.attributes:
         step.keys["wait_for_all"] = True
+    counts = read_entries(f"{{{element.attributes.get(COUNTS, '')}}}")
     for key in ("success_count", "failure_count"):
-        text = element.attributes.get(f"_{key}", element.attributes.get(key, ""))
+        text = element.attributes.get(key, flow_text(counts[key]) if key in counts else "")
         if text:
-            step.keys[key] = Verbatim("all" if text == "-1" else text)
+            step.keys[key] = "all" if text == "-1" else Verbatim(text)
     return step
 
 
@@ -300,8 +312,7 @@ def _custom(tree: TreeContext, element: Element, word: str, children: list[Missi
         return MissionStep(word, children[0])
     if word not in COMPOSITES:
         return None
-    ports = [name for name in element.attributes if name not in COMMON_ATTRIBUTES]
-    return MissionStep(word, children, {name: Verbatim(_value(tree, element, name)) for name in ports})
+    return MissionStep(word, children, {name: Verbatim(_value(tree, element, name)) for name, _ in _ports(element)})
 
 
 def _custom_modifier(tree: TreeContext, element: Element, word: str, children: list[MissionStep]) -> MissionStep | None:
@@ -309,7 +320,7 @@ def _custom_modifier(tree: TreeContext, element: Element, word: str, children: l
     if others:
         key = RECOVER if word == RETRY else word
         step = MissionStep("sequence", [step]) if key in step.keys or word in step.keys else step
-    if "value" in element.attributes:
+    if element.attributes.get("value"):
         is_expression = MODIFIERS[word].value in ("condition", "expression")
         value = Verbatim(_value(tree, element, "value"))
         step = wrapped(step, word, PlainExpression(element.attributes["value"]) if is_expression else value)
@@ -317,7 +328,7 @@ def _custom_modifier(tree: TreeContext, element: Element, word: str, children: l
         return None
     if others:
         step.keys[key] = others[0]
-        if HALT_LIMIT in element.attributes:
+        if element.attributes.get(HALT_LIMIT):
             step.keys[HALT_LIMIT] = Verbatim(_value(tree, element, HALT_LIMIT))
     return step
 
@@ -352,9 +363,7 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
         step.sets = tuple(entries)
         return step
     arguments = dict[str, object]()
-    for port, text in element.attributes.items():
-        if port in COMMON_ATTRIBUTES or port.startswith("_"):
-            continue
+    for port, text in _ports(element):
         found = model.port(port)
         if found.direction == "out" or (port.rstrip("_") == RESULT and port not in declared):
             step.keys["as"] = text.strip("{} ")
@@ -385,13 +394,10 @@ def translate_call(tree: TreeContext, element: Element, inner: SourceTree, name:
     results = returns or read_entries(inner.element.attributes.get(RETURNS, ""))
     returned = {node.text for node in results.values() if isinstance(node, Scalar)}
     given: dict[str, object] = {}
-    for port, text in element.attributes.items():
+    for port, text in _ports(element):
         is_result = port in returned and is_pointer(text) and text.strip("{} ") in results
-        if port in COMMON_ATTRIBUTES or port.startswith("_") or (is_result and port not in given_names):
-            continue
-        if port in defaults:
-            continue
-        given[port] = Verbatim(_value(tree, element, port))
+        if (not is_result or port in given_names) and port not in defaults:
+            given[port] = Verbatim(_value(tree, element, port))
     given |= {key: Verbatim(flow_text(node)) for key, node in calculated.items()}
     step = MissionStep(MISSION, name)
     if given:

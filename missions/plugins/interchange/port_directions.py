@@ -10,7 +10,6 @@ from missions.plugins.interchange.foreign_trees import (
     PortModel,
     SourceTree,
     call_ports,
-    is_pointer,
     normal_form,
 )
 from missions.plugins.interchange.leaf_rules import LeafRule
@@ -24,6 +23,7 @@ from missions.plugins.interchange.node_kinds import (
 )
 from missions.plugins.interchange.scripts import ScriptError, parse_script
 from missions.plugins.interchange.xml_reader import walk_elements
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 INPUT_NAMES = ("input", "in_", "target", "goal", "start")
 """Beginnings of port names that are always taken for inputs, even if the port seems to be an output by its use."""

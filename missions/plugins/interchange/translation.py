@@ -8,7 +8,7 @@ from missions.plugins.interchange import composites, decorators, leaves, nav2
 from missions.plugins.interchange.blackboard import EntryKinds, SubtreeCall, VariableNames, constant_value, entry_of
 from missions.plugins.interchange.conditions import with_conditions
 from missions.plugins.interchange.context import SkipAs, TreeContext, description_of, remark_of, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, is_pointer, normal_form
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, normal_form
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
@@ -23,6 +23,7 @@ from missions.plugins.interchange.own_nodes import translate_call, translate_own
 from missions.plugins.interchange.report import DIFFERS, LOST, RENAMED, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.yaml_ports import is_pointer
 
 
 @dataclass(slots=True)

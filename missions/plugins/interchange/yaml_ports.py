@@ -16,7 +16,6 @@ from config.yaml_nodes import Mapping as Entries
 from config.yaml_writer import yaml_word
 from missions.language.arguments import TEXT_KINDS
 from missions.language.param_types import NAME_TYPES
-from missions.plugins.interchange.foreign_trees import is_pointer
 
 YAML_PREFIX = "yaml: "
 ONE_NAME = re.compile(r"\$\{\s*([A-Za-z_]\w*)\s*\}", re.ASCII)
@@ -85,3 +84,9 @@ def read_entries(text: str) -> Mapping[str, Node]:
 def is_text_argument(argument: Argument | None) -> bool:
     """Return whether an argument of a leaf takes only texts, such as names of files."""
     return argument is not None and argument.kind in (*TEXT_KINDS, *NAME_TYPES, "condition")
+
+
+def is_pointer(value: str) -> bool:
+    """Return whether the value of a port names an entry of the blackboard, as ``{x}`` does."""
+    text = value.strip().removeprefix("$")  # version 2 wrote ${x}
+    return text.startswith("{") and text.endswith("}") and "{" not in text[1:-1] and len(text) > 2

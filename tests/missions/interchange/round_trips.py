@@ -1,7 +1,7 @@
 """Exports missions and imports them again, and compares their trees."""
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 
@@ -31,12 +31,17 @@ def plan_of(path: Path, leaves: Mapping[str, type[Leaf]] | None = None) -> Plan:
     return load_plan(path, own, LOOKUPS, find_mission=find_mission)
 
 
-def export_and_import(plan: Plan, folder: Path, leaves: Mapping[str, type[Leaf]]) -> tuple[ExportedTree, Path]:
-    """Export a mission, import the file again, and return the export and the path of the new mission."""
+def export_and_import(
+    plan: Plan, folder: Path, leaves: Mapping[str, type[Leaf]], edit: Callable[[str], str] = str
+) -> tuple[ExportedTree, Path]:
+    """Export a mission, import the file again, and return the export and the path of the new mission.
+
+    ``edit`` changes the text of the file before the import.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     exported = export_mission(plan)
     xml = folder / "exported.xml"
-    xml.write_text(exported.text, encoding="utf-8")
+    xml.write_text(edit(exported.text), encoding="utf-8")
     write_import(xml, folder, leaves)
     return exported, folder / f"{_file_of(plan, folder)}.yaml"
 

@@ -180,7 +180,9 @@ def test_comments_and_names_are_kept(tmp_path: Path) -> None:
     path.write_text(f"# a mission -- of two steps\nmission: m\ntree:\n  sequence:\n{steps}")
     exported = export_mission(plan_of(path, LEAVES))
     assert "<!-- a mission - - of two steps -->" in exported.text
-    assert '<!-- the first -->\n      <AlwaysSuccess/>\n      <AlwaysFailure name="last"' in exported.text
+    assert (
+        "<!-- the first -->\n      <AlwaysSuccess/>\n      <AlwaysFailure name=\"[fail: 'x'] last\"/>" in exported.text
+    )
 
 
 @each("name", [name for name in shipped_missions() if not name.startswith("motions/")])

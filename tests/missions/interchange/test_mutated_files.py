@@ -57,34 +57,37 @@ TREES = (
   </RecoveryNode></BehaviorTree></root>
 """,
     """<root BTCPP_format="4" main_tree_to_execute="main">
-  <BehaviorTree ID="main" _mission="main" _summary="all" _params="yaml: {x: 1, y: {default: 1 m, low: 0 m}}"
-    _returns="yaml: {found: n}" _properties="yaml: [{can: succeed}]" _if_interrupted="retry">
-    <Sequence _mission="unskipped"><AlwaysSuccess/><Sequence>
-      <Sequence _mission="set"><UnsetBlackboard key="z"/><Script code="n := x; word := 'a' .. 'b'"/></Sequence>
-      <ReactiveSequence _mission="while"><ScriptCondition code="n &lt; 3"/><Drive distance="{y}" result="{d}"/>
+  <BehaviorTree ID="main">
+    <Sequence name="[unskipped]"><AlwaysSuccess/><Sequence>
+      <Sequence name="[set] two"><UnsetBlackboard key="z"/><Script code="n := x; word := 'a' .. 'b'"/></Sequence>
+      <ReactiveSequence name="[while]"><ScriptCondition code="n &lt; 3"/><Drive distance="{y}" result="{d}"/>
       </ReactiveSequence>
-      <Parallel success_count="1" failure_count="1" _mission="for"><Sleep msec="500"/><Hold value="1 s"><Say
+      <Parallel success_count="1" failure_count="1" name="[for]"><Sleep msec="500"/><Hold value="1 s"><Say
         text="yaml: &quot;5&quot;" _skipIf="!(n == 1)"/></Hold></Parallel>
-      <IfThenElse _mission="switch" _cases="yaml: [null, default]"><ScriptCondition code="n == 2"/><AlwaysFailure
-        _mission="no case"/><Grasp with="yaml: [1, {a: b}]"/></IfThenElse>
-      <Switch2 variable="{word}" case_1="a" case_2="b" _mission="reactive_switch"><AlwaysSuccess/><AlwaysFailure
-        _reason="no"/><AlwaysFailure _mission="no case"/></Switch2>
+      <IfThenElse name="[switch: '[null, default]']"><ScriptCondition code="n == 2"/><AlwaysFailure
+        name="[no_case]"/><Grasp with="yaml: [1, {a: b}]"/></IfThenElse>
+      <Switch2 variable="{word}" case_1="a" case_2="b" name="[reactive_switch]"><AlwaysSuccess/><AlwaysFailure
+        name="[fail: 'it''s no']"/><AlwaysFailure name="[no_case] [] x"/></Switch2>
+      <ParallelAll max_failures="1" name="[parallel: 'success_count: 2, failure_count: all']"><Say/><Say/></ParallelAll>
       <Retry value="2"><Fallback><Set values="yaml: {way: 2 m, list: [1, 2]}"/></Fallback><Log text="again"/></Retry>
       <MissionForEach in="yaml: [1, 2]" as="{m}" number="{k}"><RetryUntilSuccessful num_attempts="-1"
-        _mission="wait_until"><ScriptCondition code="true"/></RetryUntilSuccessful></MissionForEach>
-      <Sequence _mission="mission"><Script code="part_p := 2"/><SubTree ID="part" p="{part_p}" q="{n}" _given="p"
+        name="[wait_until]"><ScriptCondition code="true"/></RetryUntilSuccessful></MissionForEach>
+      <Sequence name="[prepared]"><Script code="part_p := 2"/><SubTree ID="part" p="{part_p}" q="{n}" _given="p"
         _returns="yaml: {n: q}" _calculated="yaml: {r: &quot;${min(n, 1)}&quot;}" _as="got"/></Sequence>
     </Sequence></Sequence></BehaviorTree>
-  <BehaviorTree ID="part" _mission="part" _params="yaml: {p: 1, r: 1}"><Script code="q := p"/></BehaviorTree>
+  <BehaviorTree ID="part"><Script code="q := p"/></BehaviorTree>
   <TreeNodesModel>
-    <Action ID="Drive"><MetadataFields><Metadata mission="drive"/></MetadataFields></Action>
-    <Action ID="Say"><MetadataFields><Metadata mission="say"/></MetadataFields></Action>
-    <Action ID="Log"><MetadataFields><Metadata mission="log"/></MetadataFields></Action>
-    <Action ID="Set"><MetadataFields><Metadata mission="set"/></MetadataFields></Action>
-    <Action ID="Grasp"><MetadataFields><Metadata mission="grasp"/></MetadataFields></Action>
-    <Decorator ID="Hold"><MetadataFields><Metadata mission="hold"/></MetadataFields></Decorator>
-    <Control ID="Retry"><MetadataFields><Metadata mission="retry"/></MetadataFields></Control>
-    <Decorator ID="MissionForEach"><MetadataFields><Metadata mission="for_each"/></MetadataFields></Decorator>
+    <Action ID="Drive"><description>mission step 'drive': Drive</description></Action>
+    <Action ID="Say"><description>mission step 'say': Say</description></Action>
+    <Action ID="Log"><description>mission step 'log': Log</description></Action>
+    <Action ID="Set"><description>mission step 'set': Set</description></Action>
+    <Action ID="Grasp"><description>mission step 'grasp': Grasp</description></Action>
+    <Decorator ID="Hold"><description>mission step 'hold': hold</description></Decorator>
+    <Control ID="Retry"><description>mission step 'retry': retry</description></Control>
+    <Decorator ID="MissionForEach"><description>mission step 'for_each': loop</description></Decorator>
+    <SubTree ID="main"><description>yaml: {mission: main, summary: "all", params: {x: 1, y: {default: 1 m, low: 0 m}},
+      returns: {found: n}, properties: [{can: succeed}], if_interrupted: retry}</description></SubTree>
+    <SubTree ID="part"><description>yaml: {mission: part, params: {p: 1, r: 1}}</description></SubTree>
   </TreeNodesModel></root>
 """,
 )
