@@ -16,6 +16,7 @@ from functools import lru_cache, partial
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING
+from unicodedata import normalize
 
 from py_trees.behaviour import Behaviour
 
@@ -45,6 +46,9 @@ from missions.library.import_trial import (
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
+
+WORD = re.compile(r"[^\W\d_]\w*")
+"""Form of a leaf's word: a letter of any script, then letters, digits and ``_``."""
 
 ENTRY_POINT_GROUP = "missiontree.behaviours"
 """Group of entry points by which packages offer leaves."""
@@ -147,7 +151,7 @@ def _warn(words: str) -> None:
 def _check_leaf(leaf: type[Leaf], leaves: Mapping[str, type[Leaf]]) -> None:
     """Raise TypeError for a leaf with an invalid declaration."""
     word, shown = leaf.tag, f"{leaf.__name__}: the word '{leaf.tag}'"
-    if re.fullmatch(r"[a-z][a-z0-9_]*", word) is None:
+    if not WORD.fullmatch(word) or word != normalize("NFKC", word.lower()):
         raise TypeError(f"{shown} must be lower-case letters, digits and '_', beginning with a letter")
     if word in RESERVED_WORDS:
         raise TypeError(f"{shown} is reserved in missions")

@@ -5,7 +5,7 @@ An included file outside the project's folder is not read.
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from os.path import realpath
 from pathlib import Path
 
@@ -191,7 +191,7 @@ def _read_file(project: ForeignProject, path: Path, report: ImportReport, chain:
         return project.files[where]
     root = read_xml(path, _display_name(path, project.folder))
     if root.tag != "root":
-        raise root.fault(NOT_A_TREE)
+        root = _root_around(root)
     if is_py_trees(root):
         adapt_py_trees(root)
     file = TreeFile(path, root, _version(root))
@@ -202,6 +202,18 @@ def _read_file(project: ForeignProject, path: Path, report: ImportReport, chain:
             _include(project, file, element, report, (*chain, where))
     file.visible = {**file.visible, **file.trees}
     return file
+
+
+def _root_around(fragment: Element) -> Element:
+    """Return the root element of a file that holds only a tree or a node, as pages and chats show them.
+
+    Raises InvalidFileError for other elements.
+    """
+    if fragment.tag != "BehaviorTree":
+        if fragment.tag not in (*KINDS, *OLD_NAMES):
+            raise fragment.fault(NOT_A_TREE)
+        fragment = replace(fragment, tag="BehaviorTree", attributes={}, children=[fragment], comments=[])
+    return replace(fragment, tag="root", attributes={}, children=[fragment], comments=[], last_comments=[])
 
 
 def project_of(root: Element, path: Path, report: ImportReport) -> ForeignProject:
@@ -290,6 +302,8 @@ def _add_tree(file: TreeFile, element: Element, report: ImportReport) -> None:
     if name in file.trees:
         report.add(LOST, file.trees[name].element, f"replaced by the later tree '{name}' at line {element.line}")
     bodies = element.children
+    if len(bodies) == 1 and bodies[0].tag == "Root":  # Groot 0.x put all nodes below it
+        bodies = bodies[0].children
     body = bodies[0] if bodies else None
     if body is None:
         report.add(LOST, element, "an empty tree")

@@ -148,6 +148,7 @@ OLD_NAMES: Mapping[str, str] = {
     "Subtree": "SubTree",
     "Selector": "Fallback",
     "ParallelNode": "Parallel",
+    "Negation": "Inverter",
     "Recovery": "RecoveryNode",
     "BlackboardCheck": "BlackboardCheckString",
 }

@@ -50,6 +50,8 @@ def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) ->
     for tree in project.trees():
         for element in walk_elements(tree.body) if tree.body is not None else ():
             kind, _ = normal_form(element, project)
+            if kind == "SubTree":  # one without a tree is a stub with the name of the tree
+                kind = element.attributes.get("ID", "").strip()
             model = model_of(project, kind, rules)
             for port, value in element.attributes.items():
                 if port not in COMMON_ATTRIBUTES and is_pointer(value) and model.port(port).direction != "in":

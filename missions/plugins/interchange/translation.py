@@ -12,6 +12,7 @@ from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTre
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
+    BTCPP_KINDS,
     COMMON_ATTRIBUTES,
     KINDS,
     NEXT_TICK,
@@ -75,7 +76,7 @@ def _translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent
 
 def _by_kind(tree: TreeContext, element: Element, kind: str, role: str, skip_as: SkipAs, parent: str) -> MissionStep:
     known = KINDS.get(kind)
-    if kind in tree.rules:
+    if kind in tree.rules or (known is not None and _is_namesake(element, kind, known, role)):
         known = None
     if known is not None and known.role in ("control", "decorator"):
         return _known_parent(tree, element, kind, known, skip_as, parent)
@@ -88,6 +89,13 @@ def _by_kind(tree: TreeContext, element: Element, kind: str, role: str, skip_as:
     if element.children or role in ("Control", "Decorator"):
         return _unknown_parent(tree, element, kind, role or ("Control" if len(element.children) > 1 else "Decorator"))
     return leaves.leaf(tree, element, kind, role)
+
+
+def _is_namesake(element: Element, kind: str, known: ForeignKind, role: str) -> bool:
+    """Return whether a node is a leaf of the user that has only the name of a known parent, such as ``Retry``."""
+    return known.role in ("control", "decorator") and (
+        role in ("Action", "Condition") or (not element.children and kind not in BTCPP_KINDS)
+    )
 
 
 def _known_parent(

@@ -5,7 +5,11 @@ from pathlib import Path
 import pytest
 
 from behaviours.catalogue import LEAVES
-from missions.plugins.interchange.importer import import_trees
+from missions.language.document import load_plan
+from missions.library.lookups import LOOKUPS
+from missions.library.shipped import find_mission
+from missions.library.vocabulary import load_leaves
+from missions.plugins.interchange.importer import ImportedProject, import_trees
 from missions.plugins.interchange.report import DIFFERS, LOST, STUB
 from tests.missions.interchange.trees import import_text, remarks, tree_lines, tree_text
 
@@ -247,3 +251,48 @@ def test_an_undeclared_port_of_an_entry_that_is_given_is_an_input(tmp_path: Path
     assert first_line("") == "  - choose:"
     assert first_line("", "goal") == '  - choose: {goal: "${mode}"}'
     assert first_line("<Script code=\"mode := 'a'\"/>") == '  - choose: {mode: "${mode}"}'
+
+
+def test_subtree_in_another_file_hands_its_declared_output_back(tmp_path: Path) -> None:
+    model = '<SubTree ID="Find"><input_port name="goal"/><output_port name="found"/></SubTree>'
+    body = '<Sequence><SubTree ID="Find" goal="x" found="{it}"/><Say text="{it}"/></Sequence>'
+    imported = import_text(tmp_path, tree_text(body, more=f"<TreeNodesModel>{model}</TreeNodesModel>"))
+    assert tree_lines(imported)[1:3] == ["  - find: {goal: x}", "    as: it"]
+    check_import(imported, tmp_path / "out")
+
+
+@pytest.mark.parametrize("node", ['<Action ID="Retry" name="again"/>', '<Retry name="again"/>'])
+def test_leaf_with_the_name_of_a_decorator_becomes_a_stub(node: str, tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text(f"<Fallback><AlwaysFailure/>{node}</Fallback>"))
+    assert tree_lines(imported)[2:] == ["  - retry_action:", "    name: again"]
+    check_import(imported, tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "<Sequence><Go/></Sequence>",
+        '<BehaviorTree ID="Main"><Sequence><Go/></Sequence></BehaviorTree>',
+        '<root><BehaviorTree ID="Main"><Root><Sequence><Go/></Sequence></Root></BehaviorTree></root>',
+    ],
+)
+def test_fragments_and_trees_of_old_editors_are_imported(text: str, tmp_path: Path) -> None:
+    imported = import_text(tmp_path, f"<!-- as shown -->{text}")
+    assert tree_lines(imported)[-2:] == ["sequence:", "  - go"]
+    assert "# as shown" in imported.files["patrol.yaml"]
+
+
+def test_names_in_other_scripts_are_kept(tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text('<Sequence><순찰/><Überprüfe/><Action ID="巡逻"/></Sequence>'))
+    assert tree_lines(imported)[1:] == ['  - "순찰"', '  - "überprüfe"', '  - "巡逻"']
+    check_import(imported, tmp_path / "out")
+
+
+def check_import(imported: ImportedProject, folder: Path) -> None:
+    """Write an import, and check its missions. Raises InvalidFileError."""
+    for name, text in imported.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text, encoding="utf-8")
+    leaves = load_leaves(sorted((folder / "behaviours").glob("*.py")))
+    for mission in folder.glob("*.yaml"):
+        load_plan(mission, leaves, LOOKUPS, find_mission=find_mission)

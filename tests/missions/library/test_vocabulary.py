@@ -178,7 +178,10 @@ def test_behaviour_with_unsupported_argument_is_refused() -> None:
             "wrong.py:7:7: Blink: the word 'drive' is taken by DriveLeaf of behaviours.driving.motion",
         ),
         (BLINK.replace('"blink"', '"sequence"'), "Blink: the word 'sequence' is reserved in missions"),
-        (BLINK.replace('"blink"', '"Blink it"'), "Blink: the word 'Blink it' must be lower-case letters"),
+        *(
+            (BLINK.replace('"blink"', f'"{word}"'), f"Blink: the word '{word}' must be lower-case letters")
+            for word in ("Blink it", "Blink", "blink-it", "_blink", "9blink", "Äuge", "blink\N{COMBINING ACUTE ACCENT}")
+        ),
         (BLINK.replace('"count"', '"cuont"'), "Blink: 'times' has an unknown kind: did you mean 'count'?"),
         (
             BLINK + '    far: float = argument("length", "x", default="1 m")\n',
