@@ -5,7 +5,7 @@ This module finds the variables' names and kinds of values, and the params and r
 
 import re
 from collections import defaultdict
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
@@ -103,11 +103,10 @@ class EntryKinds:
         return {entry: _one_kind(kinds) for (owner, entry), kinds in self._found.items() if owner == id(tree)}
 
     def _note_tree(self, project: ForeignProject, tree: SourceTree) -> None:
-        for element in _elements(tree.body):
+        for element in tree.elements():
             kind, _ = normal_form(element, project)
-            for name, value in element.attributes.items():
-                if name in CONDITION_ATTRIBUTES or name in END_ATTRIBUTES or (name == "code" and "Script" in kind):
-                    self._note_script(tree, value)
+            for code in codes_of(element, kind).values():
+                self._note_script(tree, code)
             if kind == "SetBlackboard":
                 entry = entry_of(element.attributes.get("output_key", ""))
                 if entry and not is_pointer(element.attributes.get("value", "")):
@@ -132,11 +131,10 @@ class EntryKinds:
                 self._found[id(inner), port].add(kind_of_constant(value))
 
 
-def _elements(element: Element | None) -> Iterator[Element]:
-    if element is not None:
-        yield element
-        for child in element.children:
-            yield from _elements(child)
+def codes_of(element: Element, kind: str) -> dict[str, str]:
+    """Return the scripts of a node by the attribute that holds each; ``kind`` is the kind of the node."""
+    names = {*CONDITION_ATTRIBUTES, *END_ATTRIBUTES, *(("code",) if "Script" in kind else ())}
+    return {name: value for name, value in element.attributes.items() if name in names}
 
 
 def _one_kind(kinds: set[str | None]) -> str | None:
@@ -192,6 +190,10 @@ class MissionInterface:
     params: dict[str, object] = field(default_factory=dict)
 
 
+KEEPING_SUCCESS = {"timeout", "retry", "while", "delay", "hold", "finally"}
+"""Modifiers with which a node can only succeed if the node without them has succeeded."""
+
+
 class Dataflow:
     """Finds the variables that a mission reads before it sets them, by following its steps in the order of a run."""
 
@@ -216,8 +218,7 @@ class Dataflow:
             if isinstance(value, MissionStep):
                 self.follow(value, known)
         self.sets |= dict.fromkeys(step.sets)
-        keeps = all(_keeps_success(key, step.keys[key]) for key in step.keys if key in MODIFIERS or key == "for")
-        return after if keeps else known
+        return after if step.keys.keys() & MODIFIERS.keys() <= KEEPING_SUCCESS else known
 
     def _follow_word(self, step: MissionStep, known: frozenset[str]) -> frozenset[str]:
         inner = step.branches
@@ -227,9 +228,7 @@ class Dataflow:
             return known
         if step.word in SWITCHES:
             ends = [self.follow(child, known) for child in inner]
-            has_default = isinstance(step.value, dict) and "default" in step.value
-            both = isinstance(step.value, dict) and set(step.value.get("cases", {})) >= {"true", "false"}
-            return frozenset.intersection(*ends) if has_default or both else known
+            return frozenset.intersection(*ends) if step.has_all_cases else known
         if composite is None:
             for child in inner:
                 self.follow(child, known)
@@ -246,12 +245,6 @@ class Dataflow:
 
     def _read(self, names: Iterable[str], known: frozenset[str]) -> None:
         self.needs |= dict.fromkeys(name for name in names if name not in known)
-
-
-def _keeps_success(key: str, value: object) -> bool:
-    """Return whether a node with the modifier ``key`` can only succeed if the node without it has succeeded."""
-    del value
-    return key in ("timeout", "retry", "while", "delay", "hold", "finally", "recover", "name")
 
 
 def fill_call(

@@ -1,5 +1,7 @@
 """Translation of control nodes of BehaviorTree.CPP that need several words of a mission, such as Switch2."""
 
+from collections.abc import Callable
+
 from missions.plugins.interchange.blackboard import constant_value, entry_of
 from missions.plugins.interchange.context import TreeContext, fail_again, set_step
 from missions.plugins.interchange.foreign_trees import normal_form
@@ -65,32 +67,24 @@ def parallel_all(tree: TreeContext, element: Element, kind: str) -> MissionStep:
     return step
 
 
-def if_then_else(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return an IfThenElse node as a ``switch``, which evaluates the condition once, at its start.
+def choice(word: str) -> Callable[[TreeContext, Element, str], MissionStep | None]:
+    """Return the function that translates an IfThenElse or WhileDoElse node to the switch ``word``.
 
-    None unless the node has two or three children.
+    The first child of the node is the condition. If it is a script, the switch evaluates its expression. Any other
+    condition runs before the switch, and a variable stores whether it has succeeded. The function returns None unless
+    the node has two or three children.
     """
-    return _choice(tree, element, kind, reactive=False)
+
+    def translate(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
+        return _choice(tree, element, kind, word)
+
+    return translate
 
 
-def while_do_else(tree: TreeContext, element: Element, kind: str) -> MissionStep | None:
-    """Return a WhileDoElse node as a ``reactive_switch``, which evaluates the condition at every tick.
-
-    None unless the node has two or three children.
-    """
-    return _choice(tree, element, kind, reactive=True)
-
-
-def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -> MissionStep | None:
-    """Return an IfThenElse or WhileDoElse node as a switch; None unless it has two or three children.
-
-    The first child is the condition. If it is a script, the switch evaluates its expression. Any other condition runs
-    before the switch, and a variable stores whether it has succeeded.
-    """
+def _choice(tree: TreeContext, element: Element, kind: str, word: str) -> MissionStep | None:
     if len(element.children) not in (2, 3):
         return None
     first, *others = element.children
-    word = "reactive_switch" if reactive else "switch"
     branches = dict(zip(("true", "false"), (tree.node(each, "success", kind) for each in others), strict=False))
     formula = _plain_condition(tree, first)
     if formula is not None:
@@ -108,8 +102,8 @@ def _choice(tree: TreeContext, element: Element, kind: str, *, reactive: bool) -
         "selector",
         [MissionStep("sequence", [condition, set_step({holds: True})]), set_step({holds: False})],
     )
-    choice = MissionStep(word, {"on": PlainExpression(holds), "cases": branches}, reads=(holds,))
-    return tree.add_name(MissionStep("reactive_sequence" if reactive else "sequence", [test_step, choice]), element)
+    selection = MissionStep(word, {"on": PlainExpression(holds), "cases": branches}, reads=(holds,))
+    return tree.add_name(MissionStep(word.replace("switch", "sequence"), [test_step, selection]), element)
 
 
 def _plain_condition(tree: TreeContext, element: Element) -> Formula | None:

@@ -13,7 +13,7 @@ from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTre
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.mission_text import Computed, MissionStep, Verbatim, snake_word
 from missions.plugins.interchange.node_kinds import KINDS, OLD_PORTS
-from missions.plugins.interchange.report import LOST, ImportReport
+from missions.plugins.interchange.report import LOST, RENAMED, ImportReport
 from missions.plugins.interchange.scripts import (
     FLAG,
     LOGIC,
@@ -39,10 +39,12 @@ Its arguments are the context, the node, how the parent treats a skipped child, 
 
 
 class TreeContext:
-    """Context for the translation of one tree: the names of its variables, the stub leaves, the report and so on.
+    """Translation of one tree to steps of a mission, ``root``, and all that it needs: names, stub leaves, report.
 
-    ``translate_node`` translates a node of any kind; the translations of parents call it for their children. ``calls``
-    are the SubTree nodes found so far, ``initial`` the values of variables that the translation adds.
+    All trees of an import share ``kinds``, ``stubs`` and ``report``. ``rules`` say which of the ``leaves`` of missions
+    replace leaves of the tree. ``translate_node`` translates a node of any kind; the translations of parents call it
+    for their children. ``names`` are the variables, ``entries`` has the blackboard entry of each. ``calls`` are the
+    ``mission`` steps of SubTree nodes, ``initial`` the values of variables that the translation adds.
     """
 
     def __init__(
@@ -64,6 +66,14 @@ class TreeContext:
         self.entries: dict[str, str] = {}
         self.calls: list[tuple[MissionStep, SubtreeCall]] = []
         self.initial: dict[str, object] = {}
+        self.root = MissionStep("succeed")
+
+    def translate(self) -> None:
+        """Translate the whole tree."""
+        if self.tree.body is not None:
+            self.root = self.node(self.tree.body, "success", "")
+        for entry, name in self.names.renamed.items():
+            self.report.add(RENAMED, self.tree.element, f"the entry '{entry}' is the variable '{name}'", self.tree.id)
 
     def node(self, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
         """Translate a node, with its pre- and postconditions; ``parent`` is the kind of the node above it."""
@@ -239,8 +249,3 @@ def quantity(number: float, unit: str) -> Verbatim:
     if unit == "s" and abs(number) < 1:
         number, unit = number * 1000, "ms"
     return Verbatim(f"{round(number, 9):.12g} {unit}")
-
-
-def recovery_element(element: Element) -> Element:
-    """Return the recovery of a RecoveryNode of Nav2: its second child."""
-    return element.children[1]

@@ -84,8 +84,7 @@ class DeadStepRemover:
             return self._clean_in_order(step, composite.passes)
         below = [self.clean(child) for child in step.branches]
         if step.word in SWITCHES:
-            complete = isinstance(step.value, dict) and "default" in step.value
-            return frozenset().union(*below) | (frozenset() if complete or _has_both_cases(step) else {FAILURE})
+            return frozenset().union(*below) | (frozenset() if step.has_all_cases else {FAILURE})
         if step.word == FOR_EACH:
             return below[0] | {SUCCESS}
         if composite is None:
@@ -118,10 +117,6 @@ class DeadStepRemover:
         origin = next((each.origin for each in step.walk() if isinstance(each.origin, Element)), None)
         if origin is not None:
             self._report.add(LOST, origin, text)
-
-
-def _has_both_cases(step: MissionStep) -> bool:
-    return isinstance(step.value, dict) and set(step.value.get("cases", {})) >= {"true", "false"}
 
 
 def _after_modifier(kind: ModifierKind, ends: Ends, *, forever: bool) -> Ends:

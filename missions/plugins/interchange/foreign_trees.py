@@ -84,6 +84,11 @@ class SourceTree:
         """Version of BehaviorTree.CPP for which the file was written: 3 or 4."""
         return self.file.version
 
+    def elements(self) -> Iterator[Element]:
+        """Yield the nodes of the tree."""
+        if self.body is not None:
+            yield from walk_elements(self.body)
+
     def port_defaults(self, models: Mapping[str, NodeModel]) -> dict[str, str]:
         """Return the default values of the tree's ports that are not empty, by the name of the port.
 
@@ -91,9 +96,7 @@ class SourceTree:
         """
         model = models.get(self.id)
         found = {} if model is None else {name: port.default or "" for name, port in model.ports.items()}
-        on_tree = {name: value for name, value in self.element.attributes.items() if name not in ("ID", "name")}
-        found |= {name: value for name, value in on_tree.items() if not name.startswith("_")}
-        return {name: value for name, value in found.items() if value}
+        return {name: value for name, value in (found | written_ports(self.element)).items() if value}
 
 
 @dataclass(slots=True)
@@ -334,9 +337,13 @@ def call_ports(project: ForeignProject, tree: SourceTree | None, element: Elemen
 
     A ``tree`` of None is unknown and has no defaults.
     """
-    found = {} if tree is None else tree.port_defaults(project.models)
-    given = {name: value for name, value in element.attributes.items() if name not in ("ID", "name")}
-    return found | {name: value for name, value in given.items() if not name.startswith("_")}
+    return ({} if tree is None else tree.port_defaults(project.models)) | written_ports(element)
+
+
+def written_ports(element: Element) -> dict[str, str]:
+    """Return the ports of a node as written: its attributes without those that every node can have."""
+    items = element.attributes.items()
+    return {name: value for name, value in items if name not in ("ID", "name") and not name.startswith("_")}
 
 
 def normal_form(element: Element, project: ForeignProject) -> tuple[str, str]:

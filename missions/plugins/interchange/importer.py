@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from behaviours.leaf import Leaf
+from config.yaml_writer import yaml_word
 from missions.language.nodes import BOTH_ENDS, MISSION, Ends
 from missions.plugins.interchange.blackboard import (
     ANY_VALUE,
@@ -15,17 +16,18 @@ from missions.plugins.interchange.blackboard import (
     fill_call,
     give_missing_params,
 )
+from missions.plugins.interchange.context import TreeContext
 from missions.plugins.interchange.dead_steps import DeadStepRemover
 from missions.plugins.interchange.foreign_trees import GENERIC_TREE_NAMES, ForeignProject, project_of, read_project
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
-from missions.plugins.interchange.mission_text import MissionStep, mission_text, snake_word
+from missions.plugins.interchange.mission_text import MissionStep, mission_text, params_text, snake_word
 from missions.plugins.interchange.node_kinds import PARAMS, RETURNS
 from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
 from missions.plugins.interchange.python_trees import load_tree, tree_element
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
-from missions.plugins.interchange.translation import TranslatedTree, translate_tree
+from missions.plugins.interchange.translation import translate_node
 from missions.plugins.interchange.yaml_ports import is_pointer, read_entries
 
 MISSION_SUFFIX = ".yaml"
@@ -86,10 +88,12 @@ def import_project(
     project.guessed_outputs = guess_outputs(project, table)
     stubs = StubTable(leaves, find_used_outputs(project, table))
     translated = {
-        id(tree): translate_tree(project, tree, kinds, table, stubs, leaves, imported.report)
+        id(tree): TreeContext(project, tree, kinds, table, stubs, leaves, imported.report, translate_node)
         for tree in project.trees()
         if tree.body is not None
     }
+    for each in translated.values():
+        each.translate()
     interfaces = _connect(project, translated, names, imported.report)
     _remove_dead_steps(translated, leaves, stubs, imported.report)
     for key, each in translated.items():
@@ -125,7 +129,7 @@ def _mission_names(project: ForeignProject) -> dict[int, str]:
 
 
 def _connect(
-    project: ForeignProject, translated: Mapping[int, TranslatedTree], names: Mapping[int, str], report: ImportReport
+    project: ForeignProject, translated: Mapping[int, TreeContext], names: Mapping[int, str], report: ImportReport
 ) -> dict[int, MissionInterface]:
     """Fill in all ``mission`` steps, those of called trees first; return the interface of each mission.
 
@@ -145,7 +149,7 @@ def _connect(
 def _connect_tree(
     project: ForeignProject,
     key: int,
-    translated: Mapping[int, TranslatedTree],
+    translated: Mapping[int, TreeContext],
     interfaces: dict[int, MissionInterface],
     names: Mapping[int, str],
     report: ImportReport,
@@ -173,11 +177,11 @@ def _connect_tree(
     interfaces[key] = _interface(project, each)
 
 
-def _entry_behind(tree: TranslatedTree, variable: str) -> str:
+def _entry_behind(tree: TreeContext, variable: str) -> str:
     return next((entry for entry, name in tree.names.known().items() if name == variable), variable)
 
 
-def _interface(project: ForeignProject, each: TranslatedTree) -> MissionInterface:
+def _interface(project: ForeignProject, each: TreeContext) -> MissionInterface:
     if header_of(each.tree) is not None:
         attributes = each.tree.element.attributes
         params = dict.fromkeys(read_entries(attributes.get(PARAMS, "")))
@@ -198,7 +202,7 @@ def _interface(project: ForeignProject, each: TranslatedTree) -> MissionInterfac
 
 
 def _remove_dead_steps(
-    translated: Mapping[int, TranslatedTree], leaves: Mapping[str, type[Leaf]], stubs: StubTable, report: ImportReport
+    translated: Mapping[int, TreeContext], leaves: Mapping[str, type[Leaf]], stubs: StubTable, report: ImportReport
 ) -> None:
     """Remove the steps that are never reached from all missions, and report them.
 
@@ -223,7 +227,7 @@ def _remove_dead_steps(
         ends_of_tree(key)
 
 
-def _set_unset_variables(each: TranslatedTree, interface: MissionInterface) -> None:
+def _set_unset_variables(each: TreeContext, interface: MissionInterface) -> None:
     """Set the variables that a mission reads before it sets them, and that are no params, to null at its start."""
     if header_of(each.tree) is not None:
         return
@@ -242,19 +246,18 @@ def _set_unset_variables(each: TranslatedTree, interface: MissionInterface) -> N
             each.root = MissionStep("sequence", [first, root], comments=comments)
 
 
-def _text(each: TranslatedTree, interface: MissionInterface, name: str) -> str:
+def _text(each: TreeContext, interface: MissionInterface, name: str) -> str:
     tree = each.tree
     comments = tuple(tree.file.root.comments) if tree.is_main or len(tree.file.trees) == 1 else ()
-    remarks = {
-        variable: "set by the program" if tree.is_main and variable not in interface.sets else ""
-        for variable in interface.params
-    }
+    header = header_of(tree)
+    if header is None:
+        header = {"mission": f" {yaml_word(name)}"}
+        outside = [variable for variable in interface.params if tree.is_main and variable not in interface.sets]
+        if interface.params:
+            header["params"] = params_text(interface.params, dict.fromkeys(outside, "set by the program"))
     return mission_text(
-        name,
         each.root,
-        header=header_of(tree),
-        params=interface.params,
-        param_remarks=remarks,
+        header,
         comments=(*comments, *tree.element.comments),
         last_comments=(*tree.element.last_comments, *(tree.file.root.last_comments if comments else ())),
     )

@@ -2,7 +2,7 @@
 
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from config.diagnostics import to_snake_case
@@ -78,6 +78,12 @@ class MissionStep:
         """Steps in the value of this one, without those of its modifiers."""
         return list(_steps_in(self.value))
 
+    @property
+    def has_all_cases(self) -> bool:
+        """True for a switch with a branch for each value: a default, or both cases of a condition."""
+        value = self.value if isinstance(self.value, dict) else {}
+        return "default" in value or set(value.get("cases", ())) >= {"true", "false"}
+
     def walk(self) -> Iterator["MissionStep"]:
         """Yield this step and all steps below it."""
         yield self
@@ -113,47 +119,39 @@ def wrapped(step: MissionStep, key: str, value: object, remark: str = "", reads:
 
 
 def mission_text(
-    name: str,
-    tree: MissionStep,
-    *,
-    summary: str = "",
-    header: Mapping[str, str] | None = None,
-    params: Mapping[str, object] | None = None,
-    param_remarks: Mapping[str, str] | None = None,
-    comments: tuple[str, ...] = (),
-    last_comments: tuple[str, ...] = (),
+    tree: MissionStep, header: Mapping[str, str], *, comments: Iterable[str] = (), last_comments: Iterable[str] = ()
 ) -> str:
     """Return the text of a mission file, with the steps of ``tree``.
 
-    ``params`` has the default or declaration of each param, ``param_remarks`` comments behind them. ``comments`` stand
-    at the beginning of the file, ``last_comments`` at its end. ``header`` are keys with their values in YAML; with it,
-    the name, the summary and the params are not used.
+    ``header`` are the other keys of the file, with their values in YAML. ``comments`` stand at the beginning of the
+    file, ``last_comments`` at its end.
     """
-    lines = [*_comment_lines(comments, 0), f"mission: {yaml_word(name)}"]
-    if summary:
-        lines.append(f"summary: {json.dumps(summary, ensure_ascii=False)}")
-    if params:
-        lines += ["", "params:"]
-        remarks = param_remarks or {}
-        lines += [
-            f"  {yaml_word(each)}: {scalar_text(value)}{_remark(remarks.get(each, ''))}"
-            for each, value in params.items()
-        ]
-    behind = ("returns", "properties")
-    if header is not None:
-        lines = [*_comment_lines(comments, 0), *(f"{key}:{header[key]}" for key in header if key not in behind)]
+    lines = _comment_lines(comments, 0)
+    for key, value in header.items():
+        if key not in ("returns", "properties"):
+            lines += [*([""] if key == "params" else []), f"{key}:{value}"]
     lines += ["", *_entry_lines("tree", tree, 0)]
-    lines += [f"{key}:{(header or {})[key]}" for key in behind if key in (header or {})]
-    if last_comments:
-        lines += ["", *_comment_lines(last_comments, 0)]
-    return "\n".join(lines) + "\n"
+    lines += [f"{key}:{header[key]}" for key in ("returns", "properties") if key in header]
+    ending = _comment_lines(last_comments, 0)
+    return "\n".join([*lines, *(["", *ending] if ending else [])]) + "\n"
+
+
+def params_text(params: Mapping[str, object], remarks: Mapping[str, str]) -> str:
+    """Return the params of a mission in YAML, for its header.
+
+    ``params`` has the default or declaration of each param, ``remarks`` the comments behind them.
+    """
+    items = params.items()
+    return "".join(
+        f"\n  {yaml_word(name)}: {scalar_text(value)}{_remark(remarks.get(name, ''))}" for name, value in items
+    )
 
 
 def _remark(text: str) -> str:
     return f"  # {' '.join(text.split())}" if text else ""
 
 
-def _comment_lines(comments: tuple[str, ...] | list[str], indent: int) -> list[str]:
+def _comment_lines(comments: Iterable[str], indent: int) -> list[str]:
     lines = [line.strip() for comment in comments for line in comment.strip("\n").split("\n")]
     return [f"{' ' * indent}# {line}".rstrip() for line in lines if line]
 

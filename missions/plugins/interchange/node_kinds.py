@@ -64,16 +64,16 @@ BTCPP_KINDS: Mapping[str, ForeignKind] = {
     "Delay": ForeignKind("decorator", "delay", port="delay_msec", unit="ms", ports={"delay_msec": ""}),
     "RunOnce": _decorator("once", then_skip="true"),
     "Precondition": _decorator(**{"if": "", "else": "FAILURE"}),
-    "LoopInt": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
-    "LoopBool": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
-    "LoopDouble": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
-    "LoopString": _decorator("for_each", queue="", value="", if_empty="SUCCESS"),
+    **{
+        f"Loop{each}": _decorator("for_each", queue="", value="", if_empty="SUCCESS")
+        for each in ("Int", "Bool", "Double", "String")
+    },
     "SkipUnlessUpdated": _decorator(entry=""),
     "WaitValueUpdate": _decorator(entry=""),
-    "BlackboardCheckInt": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
-    "BlackboardCheckDouble": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
-    "BlackboardCheckString": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
-    "BlackboardCheckBool": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE"),
+    **{
+        f"BlackboardCheck{each}": _decorator("while", value_A="", value_B="", return_on_mismatch="FAILURE")
+        for each in ("Int", "Double", "String", "Bool")
+    },
     "SubTree": ForeignKind("subtree", "mission"),
     "Script": ForeignKind("leaf", "set", port="code", ports={"code": ""}),
     "ScriptCondition": ForeignKind("leaf", "check", port="code", ports={"code": ""}),

@@ -20,13 +20,12 @@ from missions.language.nodes import (
 )
 from missions.plugins.interchange import leaves
 from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form, written_ports
 from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
     AS,
     CALCULATED,
     CASES,
-    COMMON_ATTRIBUTES,
     COUNTS,
     DEFAULTS,
     FILLER,
@@ -98,8 +97,7 @@ def _ports(element: Element) -> list[tuple[str, str]]:
 
     Editors add a port without a value; it is left out, since the export writes an empty text as YAML.
     """
-    items = element.attributes.items()
-    return [(port, text) for port, text in items if text and port not in COMMON_ATTRIBUTES and port[0] != "_"]
+    return [(port, text) for port, text in written_ports(element).items() if text]
 
 
 def _value(tree: TreeContext, element: Element, port: str, *, is_text: bool = False) -> str:

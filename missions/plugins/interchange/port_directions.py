@@ -2,8 +2,9 @@
 
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
-from missions.plugins.interchange.blackboard import entry_of
+from missions.plugins.interchange.blackboard import codes_of, entry_of
 from missions.plugins.interchange.foreign_trees import (
     ForeignProject,
     NodeModel,
@@ -11,18 +12,16 @@ from missions.plugins.interchange.foreign_trees import (
     SourceTree,
     call_ports,
     normal_form,
+    written_ports,
 )
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.node_kinds import (
-    COMMON_ATTRIBUTES,
-    CONDITION_ATTRIBUTES,
     CONDITIONS,
-    END_ATTRIBUTES,
     KINDS,
     NAV2_OUTPUTS,
 )
-from missions.plugins.interchange.scripts import ScriptError, parse_script
-from missions.plugins.interchange.xml_reader import walk_elements
+from missions.plugins.interchange.scripts import Script, ScriptError, parse_script
+from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import is_pointer
 
 INPUT_NAMES = ("input", "in_", "target", "goal", "start")
@@ -48,13 +47,13 @@ def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) ->
     """Return the output ports that are connected to a blackboard entry in any tree, by the kind of their node."""
     found = defaultdict[str, dict[str, PortModel]](dict)
     for tree in project.trees():
-        for element in walk_elements(tree.body) if tree.body is not None else ():
+        for element in tree.elements():
             kind, _ = normal_form(element, project)
             if kind == "SubTree":  # one without a tree is a stub with the name of the tree
                 kind = element.attributes.get("ID", "").strip()
             model = model_of(project, kind, rules)
-            for port, value in element.attributes.items():
-                if port not in COMMON_ATTRIBUTES and is_pointer(value) and model.port(port).direction != "in":
+            for port, value in written_ports(element).items():
+                if is_pointer(value) and model.port(port).direction != "in":
                     found[kind][port] = model.port(port)
     return found
 
@@ -93,36 +92,31 @@ def _is_undeclared(project: ForeignProject, kind: str, rules: Mapping[str, LeafR
 
 def _mentions(project: ForeignProject, tree: SourceTree) -> Iterator[Mention]:
     """Yield all uses of blackboard entries in the ports and scripts of a tree, in the order of its nodes."""
-    for element in walk_elements(tree.body) if tree.body is not None else ():
+    for element in tree.elements():
         kind, _ = normal_form(element, project)
         is_leaf = kind not in KINDS and not element.children
-        for name, value in element.attributes.items():
-            if name in (*CONDITION_ATTRIBUTES, *END_ATTRIBUTES) or (name == "code" and "Script" in kind):
-                yield from (("", name, entry) for entry in _script_entries(value))
-            elif name not in COMMON_ATTRIBUTES and is_pointer(value):
+        for name, script in _scripts(element, kind):
+            yield from (("", name, entry) for entry in script.reads)
+        for name, value in written_ports(element).items():
+            if is_pointer(value):
                 yield (kind if is_leaf else ""), name, entry_of(value, name)
 
 
-def _script_entries(code: str) -> tuple[str, ...]:
-    try:
-        return parse_script(code).reads
-    except ScriptError:
-        return ()
+def _scripts(element: Element, kind: str) -> Iterator[tuple[str, Script]]:
+    for name, code in codes_of(element, kind).items():
+        with suppress(ScriptError):
+            yield name, parse_script(code)
 
 
 def _set_entries(project: ForeignProject, tree: SourceTree) -> set[str]:
     """Return the blackboard entries that the scripts and SetBlackboard nodes of a tree set."""
     found = set[str]()
-    for element in walk_elements(tree.body) if tree.body is not None else ():
+    for element in tree.elements():
         kind, _ = normal_form(element, project)
         if kind == "SetBlackboard":
             found.add(entry_of(element.attributes.get("output_key", "")))
-        for name, value in element.attributes.items():
-            if name in END_ATTRIBUTES or (name == "code" and "Script" in kind):
-                try:
-                    found |= {each.entry for each in parse_script(value).assignments}
-                except ScriptError:
-                    continue
+        for _, script in _scripts(element, kind):
+            found |= {each.entry for each in script.assignments}
     return found
 
 
@@ -130,7 +124,7 @@ def _entries_given_by_others(project: ForeignProject) -> dict[int, set[str]]:
     """Return the blackboard entries that SubTree nodes of other trees pass to a tree, by the tree's Python ``id``."""
     found = defaultdict[int, set[str]](set)
     for tree in project.trees():
-        for element in walk_elements(tree.body) if tree.body is not None else ():
+        for element in tree.elements():
             inner = project.find_tree(element.attributes.get("ID", ""), tree.file)
             if normal_form(element, project)[0] == "SubTree" and inner is not None:
                 found[id(inner)] |= call_ports(project, inner, element).keys()

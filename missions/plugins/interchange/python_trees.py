@@ -218,9 +218,13 @@ def _for_each(reader: _TreeReader, element: Element, node: Any) -> None:
 
 def _running(reader: _TreeReader, element: Element, node: Any) -> None:
     del node
+    _wait_until(reader, element, "false")
+
+
+def _wait_until(reader: _TreeReader, element: Element, code: str) -> None:
     element.tag = "RetryUntilSuccessful"
     element.attributes |= {"num_attempts": "-1", MARK: "wait_until"}
-    reader.child_element(element, "ScriptCondition", code="false")
+    reader.child_element(element, "ScriptCondition", code=code)
 
 
 def _set_variable(reader: _TreeReader, element: Element, node: Any) -> None:
@@ -245,9 +249,7 @@ def _check_value(reader: _TreeReader, element: Element, node: Any) -> None:
     if not code:
         _leave(reader, element, f"the check of '{node.check.variable}'")
     elif isinstance(node, behaviours.WaitForBlackboardVariableValue):
-        element.tag = "RetryUntilSuccessful"
-        element.attributes |= {"num_attempts": "-1", MARK: "wait_until"}
-        reader.child_element(element, "ScriptCondition", code=code)
+        _wait_until(reader, element, code)
     else:
         element.tag, element.attributes["code"] = "ScriptCondition", code
 
@@ -303,19 +305,18 @@ def _entry(key: str) -> str:
     return re.sub(r"\W", "_", key.strip("/"), flags=re.ASCII)
 
 
+_SAME_NAME = (
+    *(decorators.Inverter, decorators.RunningIsFailure, decorators.RunningIsSuccess, decorators.SuccessIsRunning),
+    *(decorators.FailureIsRunning, decorators.PassThrough, decorators.Count),
+)
+
 _READERS: Mapping[type, NodeReader] = {
+    **{kind: _renamed(kind.__name__) for kind in _SAME_NAME},
     composites.Sequence: _composite("Sequence"),
     composites.Selector: _composite("Fallback"),
     composites.Parallel: _parallel,
-    decorators.Inverter: _renamed("Inverter"),
     decorators.FailureIsSuccess: _renamed("ForceSuccess"),
     decorators.SuccessIsFailure: _renamed("ForceFailure"),
-    decorators.RunningIsFailure: _renamed("RunningIsFailure"),
-    decorators.RunningIsSuccess: _renamed("RunningIsSuccess"),
-    decorators.SuccessIsRunning: _renamed("SuccessIsRunning"),
-    decorators.FailureIsRunning: _renamed("FailureIsRunning"),
-    decorators.PassThrough: _renamed("PassThrough"),
-    decorators.Count: _renamed("Count"),
     decorators.Timeout: _renamed("Timeout", "msec", "duration", 1000),
     decorators.Retry: _renamed("RetryUntilSuccessful", "num_attempts", "num_failures"),
     decorators.Repeat: _renamed("Repeat", "num_cycles", "num_success"),

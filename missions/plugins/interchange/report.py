@@ -1,15 +1,13 @@
 """Report of an import: every difference between the original trees and their missions, with its place in the XML."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from missions.plugins.interchange.xml_reader import Element
 
 STUB, LOST, DIFFERS, RENAMED = "stub", "not carried over", "differs", "renamed"
 """Kinds of remarks: a stub leaf; a node or an attribute without a counterpart; a similar meaning; another name."""
-
-KINDS_IN_ORDER = (LOST, STUB, DIFFERS, RENAMED)
 
 EXPLANATIONS = {
     LOST: "Not carried over",
@@ -52,22 +50,30 @@ class ImportReport:
 
     def lines(self) -> Iterator[str]:
         """Yield the lines of the report as text for the terminal, grouped by the kind of remark."""
-        for kind in KINDS_IN_ORDER:
-            found = [remark for remark in self.remarks if remark.kind == kind]
-            if found:
-                yield f"{EXPLANATIONS[kind]}:"
-                yield from (f"  {remark}" for remark in found)
+        return grouped_lines(self.remarks, EXPLANATIONS)
 
     def markdown(self, title: str) -> str:
         """Return the report as a Markdown page with this title."""
         lines = [f"# {title}", ""]
-        for kind in KINDS_IN_ORDER:
-            found = [remark for remark in self.remarks if remark.kind == kind]
-            if found:
-                lines += [f"## {EXPLANATIONS[kind]}", "", *(f"- {_escaped(str(remark))}" for remark in found), ""]
+        for heading, found in _grouped(self.remarks, EXPLANATIONS):
+            lines += [f"## {heading}", "", *(f"- {_escaped(str(remark))}" for remark in found), ""]
         if not self.remarks:
             lines += ["Everything was carried over.", ""]
         return "\n".join(lines)
+
+
+def grouped_lines(remarks: Iterable[Remark], headings: Mapping[str, str]) -> Iterator[str]:
+    """Yield remarks as lines of text, below the heading of their kind."""
+    for heading, found in _grouped(remarks, headings):
+        yield f"{heading}:"
+        yield from (f"  {remark}" for remark in found)
+
+
+def _grouped(remarks: Iterable[Remark], headings: Mapping[str, str]) -> Iterator[tuple[str, list[Remark]]]:
+    remarks = list(remarks)
+    for kind, heading in headings.items():
+        if found := [remark for remark in remarks if remark.kind == kind]:
+            yield heading, found
 
 
 def _escaped(text: str) -> str:

@@ -215,20 +215,16 @@ class _Parser:
         return left
 
     def _sign(self) -> Formula:
-        if self._peek() == ("sign", "!"):
-            self._next()
-            self._deeper()
-            part = self._sign()
-            self._depth -= 1
+        if self._peek() not in (("sign", "!"), ("sign", "-")):
+            return self._atom()
+        sign = self._next()[1]
+        self._deeper()
+        part = self._sign()
+        self._depth -= 1
+        if sign == "!":
             return Formula(f"not {part.within(SIGN)}", FLAG, part.reads, LOGIC + 1)
-        if self._peek() == ("sign", "-"):
-            self._next()
-            self._deeper()
-            part = self._sign()
-            self._depth -= 1
-            negative = -part.constant if isinstance(part.constant, float) else None
-            return Formula(f"-{part.within(SIGN)}", NUMBER, part.reads, SIGN, constant=negative)
-        return self._atom()
+        negative = -part.constant if isinstance(part.constant, float) else None
+        return Formula(f"-{part.within(SIGN)}", NUMBER, part.reads, SIGN, constant=negative)
 
     def _atom(self) -> Formula:
         kind, word = self._next()

@@ -1,15 +1,12 @@
 """Translation of trees of other programs to steps of missions: selects the function for each kind of node."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
-from behaviours.leaf import Leaf
 from missions.plugins.interchange import composites, decorators, leaves, nav2
-from missions.plugins.interchange.blackboard import EntryKinds, SubtreeCall, VariableNames, constant_value, entry_of
+from missions.plugins.interchange.blackboard import SubtreeCall, constant_value, entry_of
 from missions.plugins.interchange.conditions import with_conditions
 from missions.plugins.interchange.context import SkipAs, TreeContext, description_of, remark_of, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, normal_form
-from missions.plugins.interchange.leaf_rules import LeafRule
+from missions.plugins.interchange.foreign_trees import call_ports, normal_form
 from missions.plugins.interchange.mission_text import MissionStep, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
     BTCPP_KINDS,
@@ -21,49 +18,13 @@ from missions.plugins.interchange.node_kinds import (
     ForeignKind,
 )
 from missions.plugins.interchange.own_nodes import translate_call, translate_own
-from missions.plugins.interchange.report import DIFFERS, LOST, RENAMED, ImportReport
-from missions.plugins.interchange.stub_leaves import StubTable
+from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import is_pointer
 
 
-@dataclass(slots=True)
-class TranslatedTree:
-    """A tree as steps of a mission: ``root`` is the first step, ``calls`` the ``mission`` steps of SubTree nodes.
-
-    ``names`` are the names of its variables; ``entries`` has the blackboard entry of each variable. ``initial`` has the
-    initial values of variables that the translation has added.
-    """
-
-    tree: SourceTree
-    names: VariableNames
-    root: MissionStep
-    calls: list[tuple[MissionStep, SubtreeCall]] = field(default_factory=list)
-    entries: dict[str, str] = field(default_factory=dict)
-    initial: dict[str, object] = field(default_factory=dict)
-
-
-def translate_tree(
-    project: ForeignProject,
-    tree: SourceTree,
-    kinds: EntryKinds,
-    rules: Mapping[str, LeafRule],
-    stubs: StubTable,
-    leaves_by_tag: Mapping[str, type[Leaf]],
-    report: ImportReport,
-) -> TranslatedTree:
-    """Return a tree as steps of a mission. All trees of an import share ``kinds``, ``stubs`` and ``report``.
-
-    ``rules`` say which leaves of missions replace leaves of the tree; ``leaves_by_tag`` are the leaves of missions.
-    """
-    context = TreeContext(project, tree, kinds, rules, stubs, leaves_by_tag, report, _translate_node)
-    root = MissionStep("succeed") if tree.body is None else context.node(tree.body, "success", "")
-    for entry, name in context.names.renamed.items():
-        report.add(RENAMED, tree.element, f"the entry '{entry}' is the variable '{name}'", tree.id)
-    return TranslatedTree(tree, context.names, root, context.calls, context.entries, context.initial)
-
-
-def _translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
+def translate_node(tree: TreeContext, element: Element, skip_as: SkipAs, parent: str) -> MissionStep:
+    """Translate an XML node of any kind, and all nodes below it: see ``TranslateNode``."""
     kind, role = normal_form(element, tree.project)
     step = translate_own(tree, element, skip_as)
     if step is None:
@@ -219,8 +180,8 @@ LeafTranslation = Callable[[TreeContext, Element], MissionStep]
 _CONTROLS: Mapping[str, Control] = {
     "Parallel": composites.parallel,
     "ParallelAll": composites.parallel_all,
-    "IfThenElse": composites.if_then_else,
-    "WhileDoElse": composites.while_do_else,
+    "IfThenElse": composites.choice("switch"),
+    "WhileDoElse": composites.choice("reactive_switch"),
     "SequenceWithMemory": composites.sequence_with_memory,
     "TryCatch": composites.try_catch,
     "PipelineSequence": nav2.pipeline,

@@ -11,7 +11,7 @@ from missions.language.nodes import COMPOSITES, MISSION, MODIFIER_KEYS, MODIFIER
 from missions.language.plan import Step
 from missions.plugins.interchange.mission_source import MissionSource
 from missions.plugins.interchange.node_kinds import MARK, PREPARED
-from missions.plugins.interchange.report import DIFFERS, LOST, Remark
+from missions.plugins.interchange.report import DIFFERS, LOST, Remark, grouped_lines
 from missions.plugins.interchange.script_writer import NotAScriptError, script_value, value_of
 from missions.plugins.interchange.xml_reader import Element
 
@@ -40,13 +40,8 @@ class ExportedTree:
 
     def lines(self) -> list[str]:
         """Return the remarks as lines of text, grouped by the kind of remark."""
-        found = []
-        if self.leaves:
-            found += [f"{LEAVES}: {', '.join(self.leaves)}"]
-        for kind, explanation in EXPLANATIONS.items():
-            remarks = [remark for remark in self.remarks if remark.kind == kind]
-            found += [f"{explanation}:", *(f"  {remark}" for remark in remarks)] if remarks else []
-        return found
+        leaves = [f"{LEAVES}: {', '.join(self.leaves)}"] if self.leaves else []
+        return [*leaves, *grouped_lines(self.remarks, EXPLANATIONS)]
 
 
 class TreeWriter:
