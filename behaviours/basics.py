@@ -18,6 +18,7 @@ class Notify(Leaf):
 
     tag = "notify"
     example = "- notify: The room is empty"
+    acts = True
     ends = frozenset({"success"})
     instant = True
     text: str = argument("text", "text of the notice", principal=True)
@@ -88,6 +89,7 @@ class Log(Leaf):
 
     tag = "log"
     example = "- log: The ball is red"
+    acts = True
     instant = True
     text: str = argument("text", "text of the log line", principal=True)
 
@@ -105,6 +107,7 @@ class Set(Leaf):
 
     tag = "set"
     example = "- set: {count: 1}"
+    acts = True
     instant = True
     open_ended = True
 

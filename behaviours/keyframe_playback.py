@@ -312,6 +312,7 @@ class RecordMove(Leaf):
 
     tag = "record_move"
     example = "- record_move: {move: my_wave, duration: 10 s}"
+    acts = True
     needs = frozenset({"arm"})
     output_doc = "the path of the file"
     output_type = str

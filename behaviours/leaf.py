@@ -84,6 +84,9 @@ class Leaf(HaltableNode):
     A leaf with a ``stub`` is not written yet: it can be checked, shown and mocked, but a run is refused. The text says
     what to do.
 
+    A leaf that ``acts`` has an effect although it drives nothing, such as ``led``: see missions.language.takeover.
+    ``takes_over`` are the keys of the reactive composites whose running child is halted before the leaf starts.
+
     ``ends`` are the possible results, so the checker finds unreachable steps. An ``instant`` leaf never runs for longer
     than a tick, except while it is suspended.
 
@@ -108,6 +111,7 @@ class Leaf(HaltableNode):
     output_type: ClassVar[Any] = None
     ends: ClassVar[frozenset[str]] = frozenset({"success", "failure"})
     instant: ClassVar[bool] = False
+    acts: ClassVar[bool] = False
     stub: ClassVar[str] = ""
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
@@ -120,6 +124,7 @@ class Leaf(HaltableNode):
     output_converter: Callable[[object], object] | None = None
     computed: Mapping[str, Callable[[], object]] = {}
     values: Mapping[str, object] = {}
+    takes_over: frozenset[str] = frozenset()
     _prepares: ClassVar[bool] = False  # the class drives something, or has an initialise of its own
     _started_at: float | None = None
 
@@ -313,9 +318,9 @@ class Leaf(HaltableNode):
             if problem:
                 return self.fail(f"{self.label}: {problem}")
         self.result = self._started_at = None
+        if (self.drives or self.takes_over) and not self.run.preempt(None if self.drives else self.takes_over):
+            return self.wait("waiting for another behaviour to stop")
         if self._prepares:
-            if self.drives and not self.run.preempt():
-                return self.wait("waiting for another behaviour to stop")
             self._leaf_stage = STARTING
             self.initialise()
         self._leaf_stage = WORKING

@@ -142,6 +142,7 @@ class CallService(Ros2RequestLeaf):
 
     tag = "call_service"
     example = "- call_service: {service: /reset, type: std_srvs/srv/Trigger}\n  as: answer"
+    acts = True
     output_doc = "the response"
     service: str = argument("text", "name of the service", principal=True)
     type: str = argument("text", "type, `std_srvs/srv/Trigger`; by default that of the server", default="")
@@ -180,6 +181,7 @@ class Publish(Leaf):
 
     tag = "publish"
     example = "- publish: {topic: /chatter, type: std_msgs/msg/String, values: {data: Hello}}"
+    acts = True
     needs = frozenset({"ros2"})
     ends = frozenset({"success", "failure"})
     topic: str = argument("text", "name of the topic", principal=True)

@@ -2,7 +2,7 @@
 
 import logging
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from threading import Event
 from typing import TYPE_CHECKING, Protocol
 
@@ -58,7 +58,8 @@ class RunState:
     - ``variables``: the params, and the outputs of behaviours
     - ``tick``: number of the tick, from 1; 0 before the first
     - ``observer``: is notified of every new status
-    - ``preemptible``: running nodes that are halted when a leaf of higher priority is about to drive an actuator
+    - ``preemptible``: running children of reactive composites, which are halted when a leaf of an earlier child is
+      about to act
     - ``safe_stop``: stops the named actuators if a leaf did not do so in time
     - ``notify(text)``: sends a notice to a person
     - ``wait(seconds)``: waits for the time or for ``wake_event``, and returns whether that is set; simulated time
@@ -116,11 +117,15 @@ class RunState:
     def _wait(self, seconds: float) -> bool:
         return self.wake_event.wait(seconds)
 
-    def preempt(self) -> bool:
-        """Halt all preemptible nodes, for a leaf that is about to drive; False while that takes more ticks."""
+    def preempt(self, composites: Collection[str] | None = None) -> bool:
+        """Halt the preemptible nodes for a leaf that is about to act; return False while that takes more ticks.
+
+        ``composites`` are the keys of the reactive composites whose running child is halted; None for all.
+        """
         at_rest = True
         for node in self.preemptible:
-            at_rest &= node.halt()
+            if composites is None or node.key.rpartition(".")[0] in composites:
+                at_rest &= node.halt()
         return at_rest
 
 

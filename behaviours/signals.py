@@ -14,6 +14,7 @@ class SoundLeaf(Leaf):
 
     tag = "sound"
     example = "- sound: cleaning_end"
+    acts = True
     needs = frozenset({"base", "sounds"})
     tune: str | None = argument("choice", "name of the tune", default=None, choices=tuple(Tune), principal=True)
     tone: float | None = argument(
@@ -39,6 +40,7 @@ class Led(Leaf):
 
     tag = "led"
     example = "- led: {colour: green, number: 2}"
+    acts = True
     needs = frozenset({"base", "lights"})
     colour: str = argument("choice", "colour of the light", choices=tuple(Lamp), principal=True)
     number: int = argument("count", "number of the light: 1 or 2", default=1, low=1, high=2)

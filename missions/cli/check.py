@@ -23,6 +23,7 @@ from missions.language.document import unread_param_hints
 from missions.language.old_forms import Rewrite, rewrite_old_forms
 from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
+from missions.language.takeover import early_action_hints
 from missions.library.lookups import LOOKUPS
 from missions.library.plugins import find_file_kind, load
 from missions.library.shipped import find_mission, shipped_missions
@@ -97,6 +98,7 @@ def _check_file(
         *unread_param_hints(plan),
         *actions_as_guards(plan.tree),
         *find_once_guards(plan.tree),
+        *early_action_hints(plan.tree),
         *impossible_alternatives(plan.tree, robot, LOOKUPS),
     ]
     return summary, [], [*hints, *confusions(plan.tree, robot)]

@@ -30,6 +30,7 @@ from missions.language.nodes import (
 )
 from missions.language.operators import RANDOM
 from missions.language.plan import Plan, Step, composite_kind
+from missions.language.takeover import find_takeovers
 
 RobotFor = Callable[[Node], Robot]
 """Function that returns the robot for a leaf; commands given through it are reported with the leaf's name."""
@@ -56,7 +57,7 @@ def build(plan: Plan, run: RunState, robot_for: RobotFor, *, substitute: Substit
     InvalidFileError for stub leaves without a substitute.
     """
     run.variables[RANDOM] = run.random
-    builder = TreeBuilder(run, robot_for, dict(run.variables), substitute)
+    builder = TreeBuilder(run, robot_for, dict(run.variables), substitute, find_takeovers(plan.tree))
     run.variables.update(plan.params)
     root = builder.build(plan.tree, "1", run.variables)
     if builder.stub_faults:
@@ -76,15 +77,24 @@ NODES: Mapping[str, type[Parent]] = {
 
 
 class TreeBuilder:
-    """Builds the nodes of one run; all missions of the run can read ``shared_variables``."""
+    """Builds the nodes of one run; all missions of the run can read ``shared_variables``.
+
+    ``takeovers`` is the result of ``find_takeovers`` for the whole tree.
+    """
 
     def __init__(
-        self, run: RunState, robot_for: RobotFor, shared_variables: Scope, substitute: Substitute = keep_leaf
+        self,
+        run: RunState,
+        robot_for: RobotFor,
+        shared_variables: Scope,
+        substitute: Substitute,
+        takeovers: Mapping[str, frozenset[str]],
     ) -> None:
         self._run = run
         self._substitute = substitute
         self._robot_for = robot_for
         self._shared_variables = shared_variables
+        self._takeovers = takeovers
         self.stub_faults: list[Diagnostic] = []
 
     def build(
@@ -123,6 +133,7 @@ class TreeBuilder:
         node.run, node.scope = self._run, scope
         if isinstance(node, Leaf):
             node.robot = self._robot_for(node)
+            node.takes_over = self._takeovers.get(key, node.takes_over)
         return node
 
     def _node(self, step: Step, children: list[Node], inner: Scope) -> Node:

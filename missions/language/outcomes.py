@@ -396,7 +396,7 @@ def _first_guard(step: Step) -> Step | None:
     if kind.at_once:
         return next(filter(None, guards), None)
     for child, guard in zip(step.children, guards, strict=True):
-        if guard is not None or not _ends_at_once(child):
+        if guard is not None or not ends_at_once(child):
             return guard
     return None
 
@@ -405,5 +405,6 @@ def _endless(step: Step) -> bool:
     return step.kind in MODIFIERS and MODIFIERS[step.kind].value == "count" and step.arguments["value"] == Value(None)
 
 
-def _ends_at_once(step: Step) -> bool:
+def ends_at_once(step: Step) -> bool:
+    """Return whether a step is a leaf that never runs for longer than a tick."""
     return step.leaf is not None and (step.leaf.instant or step.kind in INSTANT_ACTIONS)

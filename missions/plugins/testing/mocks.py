@@ -209,8 +209,8 @@ class MockSubstitution:
 
 def _mock_leaf(leaf: Leaf, turns: TurnSequence) -> Mock:
     # A class of its own, since the claims of a leaf are class attributes.
-    own = {"tag": leaf.tag, "drives": leaf.drives, "open_ended": leaf.open_ended, "output_doc": leaf.output_doc,
-           "arguments": leaf.arguments}  # fmt: skip
+    own = {"tag": leaf.tag, "drives": leaf.drives, "acts": leaf.acts, "open_ended": leaf.open_ended,
+           "output_doc": leaf.output_doc, "arguments": leaf.arguments}  # fmt: skip
     mock_class: Any = type(f"Mock{type(leaf).__name__}", (Mock,), own)
     mock: Mock = mock_class(leaf.name)
     kind = kind_of_type(leaf.output_type)

@@ -189,7 +189,18 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
     real = step.leaf or Leaf
     declared = {
         name: getattr(real, name)
-        for name in ("tag", "needs", "drives", "output_doc", "ends", "instant", "open_ended", "halt_limit", "arguments")
+        for name in (
+            "tag",
+            "needs",
+            "drives",
+            "output_doc",
+            "ends",
+            "instant",
+            "acts",
+            "open_ended",
+            "halt_limit",
+            "arguments",
+        )
     }
     seconds = wait_seconds(step)
     kind = SetStandIn if issubclass(real, Set) else StandIn if seconds is None else WaitStandIn

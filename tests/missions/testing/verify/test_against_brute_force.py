@@ -63,6 +63,7 @@ def taped(step: Step, tape: Tape) -> Step:
 
         drives = frozenset() if step.leaf is None else step.leaf.drives
         instant = step.leaf is not None and step.leaf.instant
+        acts = step.leaf is not None and step.leaf.acts
 
         def update(self) -> Status:
             status = tape.read()
@@ -171,6 +172,25 @@ def cleaning(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
         st.builds("{}, finally: {{{}}}".format, LEAF, cleanups),
         st.builds("sequence: [{{{}}}, {{{}}}], finally: {{{}}}".format, children, LEAF, cleanups),
     ]
+
+
+def preempting(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
+    """Reactive composites whose first child acts before it takes over from a child with a ``finally``."""
+    act, cleanup, reactive = "{set: {n: 1}}", "{set: {n: 2}}", st.sampled_from(COMPOSITES[2:4])
+    guard = st.sampled_from(("scene_uniform: 1 s", "check: n < 1", "check: n > 1", "look: 0 deg"))
+    branch = st.builds(
+        "{}: [{{{}}}, {}, {{{}}}]".format, st.sampled_from(("sequence", "selector")), guard, st.just(act), children
+    )
+    running = children.map(lambda node: f"sequence: [{{{node}}}, {{look: 0 deg}}], finally: {cleanup}")
+    whole = st.builds("{}: [{{{}}}, {{{}}}]".format, reactive, branch, running)
+    return [st.builds("sequence: [{{{}}}, {{check: n {}}}]".format, whole, st.sampled_from(("== 2", "== 0", "== 1")))]
+
+
+PREEMPTION = (
+    "sequence: [{{reactive_selector: [{{sequence: [{{scene_uniform: 1 s}}, {{set: {{n: 1}}}}, {{{}}}]}}, "
+    "{{look: 0 deg, finally: {{set: {{n: 2}}}}}}]}}, {{check: n == {}}}]"
+)
+"""A ``set`` after a condition and before a leaf: the variable tells whether it runs before or after a ``finally``."""
 
 
 def ordering(children: st.SearchStrategy[str]) -> list[st.SearchStrategy[str]]:
@@ -296,6 +316,18 @@ def test_shortest_ways_past_recoveries_and_cleanups_match_brute_force(tree: str)
 @given(trees(MODIFIERS, more=drawing))
 def test_the_shortest_way_past_random_numbers_is_that_of_all_short_runs(tree: str) -> None:
     found = plan(f"sequence: [{{set: {{n: '${{random(0, 10)}}'}}}}, {{{tree}}}]")
+    if found is None:
+        return
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
+
+
+@settings(max_examples=40)
+@example(PREEMPTION.format("look: 0 deg", 1))
+@example(PREEMPTION.format("look: 0 deg", 2))
+@example(PREEMPTION.format("scene_uniform: 1 s", 2))
+@given(trees(MODIFIERS[:7], LEAF, preempting))
+def test_shortest_ways_past_a_preemption_match_brute_force(tree: str) -> None:
+    found = plan(f"sequence: [{{set: {{n: 0}}}}, {{{tree}}}]")
     if found is None:
         return
     compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
