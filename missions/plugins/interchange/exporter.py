@@ -62,10 +62,9 @@ class _Exporter:
     def export(self, plan: Plan) -> ExportedTree:
         main = self._add_mission(plan.mission, plan.tree, plan.source, is_main=True)
         root = Element("root", {"BTCPP_format": "4", "main_tree_to_execute": main.id}, plan.source, 1)
-        trees = {each.id: self._tree_model(each) for each in self._missions.values()}
         for tree in self._trees:
-            write_marks(tree, trees[tree.attributes["ID"]])
-        models = [*self._models.values(), *trees.values()]
+            write_marks(tree)
+        models = [*self._models.values(), *map(self._tree_model, self._missions.values())]
         root.children = [*self._trees, Element("TreeNodesModel", {}, plan.source, 1, children=models)]
         self._found.text = xml_text(root)
         return self._found
@@ -76,7 +75,7 @@ class _Exporter:
         found = read_mission(self._free_id(name), tree, source, is_main=is_main)
         self._missions[source.name] = found
         writer = TreeWriter(found, self._write, self._found, self._models)
-        element = Element("BehaviorTree", {"ID": found.id, MARK: name, **found.header()}, source, 1)
+        element = Element("BehaviorTree", {"ID": found.id}, source, 1)
         first = found.root.entries[0][0].mark.line
         element.comments = [line.strip().lstrip("# ") for line in found.lines[: first - 1] if line.strip("# \t")]
         element.children = [_without_skip(writer, tree)]
@@ -117,6 +116,7 @@ class _Exporter:
             elif not all(name in given for given in self._calls.get(mission.id, [])):
                 continue  # the library would require it of all callers
             model.children.append(Element("input_port", attributes, mission.source, 1, text=param.help))
+        model.children.append(Element("description", {}, mission.source, 1, text=mission.header()))
         return model
 
     def _submission(self, writer: TreeWriter, step: Step) -> Element:

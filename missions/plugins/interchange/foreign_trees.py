@@ -10,12 +10,14 @@ from os.path import realpath
 from pathlib import Path
 
 from config.diagnostics import Diagnostic, InvalidFileError, Mark, SourceText
-from missions.plugins.interchange.marks import description_of_model, read_marks
-from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, STEP_DESCRIPTION
+from config.yaml_nodes import Node
+from missions.language.nodes import MISSION
+from missions.plugins.interchange.marks import read_marks
+from missions.plugins.interchange.node_kinds import HEADER_KEYS, KINDS, OLD_NAMES, STEP_DESCRIPTION
 from missions.plugins.interchange.py_trees_xml import adapt_py_trees, is_py_trees
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.xml_reader import Element, read_xml, walk_elements
-from missions.plugins.interchange.yaml_ports import is_pointer
+from missions.plugins.interchange.yaml_ports import YAML_PREFIX, is_pointer, read_entries
 
 MAX_FILES = 2_000
 """Maximum number of XML files in a folder that is imported."""
@@ -71,13 +73,17 @@ class NodeModel:
 
 @dataclass(slots=True)
 class SourceTree:
-    """A tree in an XML file: ``element`` is its ``<BehaviorTree>``, ``body`` its root node, None if empty."""
+    """A tree in an XML file: ``element`` is its ``<BehaviorTree>``, ``body`` its root node, None if empty.
+
+    If `mission show` has exported the tree, ``header`` has the top-level keys of the mission file, such as ``params``.
+    """
 
     id: str
     element: Element
     body: Element | None
     file: "TreeFile"
     is_main: bool = False
+    header: Mapping[str, Node] = field(default_factory=dict)
 
     @property
     def version(self) -> int:
@@ -96,7 +102,7 @@ class SourceTree:
         """
         model = models.get(self.id)
         found = {} if model is None else {name: port.default or "" for name, port in model.ports.items()}
-        return {name: value for name, value in (found | written_ports(self.element)).items() if value}
+        return {name: value for name, value in (found | ports_of(self.element)).items() if value}
 
 
 @dataclass(slots=True)
@@ -232,21 +238,32 @@ def project_of(root: Element, path: Path, report: ImportReport) -> ForeignProjec
 def _read_elements(project: ForeignProject, file: TreeFile, report: ImportReport) -> None:
     """Add the trees of a file to ``file`` and its node declarations to the project, and mark the main tree."""
     named_main = file.root.attributes.get("main_tree_to_execute", "")
-    models = [each for element in file.root.children if element.tag in MODEL_TAGS for each in element.children]
-    read_marks(
-        [each for each in file.root.children if each.tag == "BehaviorTree"],
-        [each for each in models if each.tag == "SubTree"],
-    )
+    headers = dict[str, Mapping[str, Node]]()
     for element in file.root.children:
         if element.tag == "BehaviorTree":
             _add_tree(file, element, report)
         elif element.tag in MODEL_TAGS:
             _add_models(project, element)
+            headers |= {each.attributes.get("ID", ""): _header(each) for each in element.children}
         elif element.tag.lower() not in INCLUDES:
             report.add(LOST, element, "an unknown element under <root>")
+    for tree in file.trees.values():
+        tree.header = headers.get(tree.id, {})
     main = file.trees.get(named_main) or (next(iter(file.trees.values())) if len(file.trees) == 1 else None)
     if main is not None:
         main.is_main = True
+
+
+def _header(model: Element) -> Mapping[str, Node]:
+    """Return the top-level keys of a mission from the declaration of its exported tree; empty for other nodes."""
+    text = description_of_model(model)
+    found = read_entries(text) if model.tag == "SubTree" and text.startswith(YAML_PREFIX) else {}
+    return {key: node for key, node in found.items() if key in HEADER_KEYS} if MISSION in found else {}
+
+
+def description_of_model(model: Element) -> str:
+    """Return the description in the declaration of a node or a tree; empty without one."""
+    return next((each.text.strip() for each in model.children if each.tag == "description"), "")
 
 
 def _display_name(path: Path, folder: Path) -> str:
@@ -301,6 +318,7 @@ def _is_version_4(element: Element) -> bool:
 
 
 def _add_tree(file: TreeFile, element: Element, report: ImportReport) -> None:
+    read_marks(element)
     name = element.attributes.get("ID") or file.path.stem
     if name in file.trees:
         report.add(LOST, file.trees[name].element, f"replaced by the later tree '{name}' at line {element.line}")
@@ -337,10 +355,10 @@ def call_ports(project: ForeignProject, tree: SourceTree | None, element: Elemen
 
     A ``tree`` of None is unknown and has no defaults.
     """
-    return ({} if tree is None else tree.port_defaults(project.models)) | written_ports(element)
+    return ({} if tree is None else tree.port_defaults(project.models)) | ports_of(element)
 
 
-def written_ports(element: Element) -> dict[str, str]:
+def ports_of(element: Element) -> dict[str, str]:
     """Return the ports of a node as written: its attributes without those that every node can have."""
     items = element.attributes.items()
     return {name: value for name, value in items if name not in ("ID", "name") and not name.startswith("_")}

@@ -21,14 +21,13 @@ from missions.plugins.interchange.dead_steps import DeadStepRemover
 from missions.plugins.interchange.foreign_trees import GENERIC_TREE_NAMES, ForeignProject, project_of, read_project
 from missions.plugins.interchange.leaf_rules import LEAF_RULES, LeafRule
 from missions.plugins.interchange.mission_text import MissionStep, mission_text, params_text, snake_word
-from missions.plugins.interchange.node_kinds import PARAMS, RETURNS
 from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
 from missions.plugins.interchange.python_trees import load_tree, tree_element
 from missions.plugins.interchange.report import LOST, ImportReport
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import translate_node
-from missions.plugins.interchange.yaml_ports import is_pointer, read_entries
+from missions.plugins.interchange.yaml_ports import entries_of, is_pointer
 
 MISSION_SUFFIX = ".yaml"
 STUB_FOLDER = "behaviours"
@@ -166,7 +165,7 @@ def _connect_tree(
             continue
         _connect_tree(project, inner, translated, interfaces, names, report, (*chain, key))
         step.value = names[inner]
-        if header_of(call.tree) is not None:
+        if call.tree.header:
             continue  # its ports are those of the call
         fill_call(step, call, interfaces[inner], each.names, translated[inner].entries)
         for variable in (*step.reads, *step.sets):
@@ -182,10 +181,8 @@ def _entry_behind(tree: TreeContext, variable: str) -> str:
 
 
 def _interface(project: ForeignProject, each: TreeContext) -> MissionInterface:
-    if header_of(each.tree) is not None:
-        attributes = each.tree.element.attributes
-        params = dict.fromkeys(read_entries(attributes.get(PARAMS, "")))
-        results = dict.fromkeys(read_entries(attributes.get(RETURNS, "")))
+    if each.tree.header:
+        params, results = (dict.fromkeys(entries_of(each.tree.header.get(key))) for key in ("params", "returns"))
         return MissionInterface(dict(params), results, set(), dict.fromkeys(params))
     flow = Dataflow()
     start = frozenset(each.initial)
@@ -219,7 +216,7 @@ def _remove_dead_steps(
     def ends_of_tree(key: int) -> Ends:
         if key not in ends:
             ends[key] = BOTH_ENDS  # in case a tree runs itself
-            if header_of(translated[key].tree) is None:  # the checker has accepted ours
+            if not translated[key].tree.header:  # the checker has accepted ours
                 ends[key] = DeadStepRemover(leaves, instant, ends_of_mission, report).clean(translated[key].root)
         return ends[key]
 
@@ -229,7 +226,7 @@ def _remove_dead_steps(
 
 def _set_unset_variables(each: TreeContext, interface: MissionInterface) -> None:
     """Set the variables that a mission reads before it sets them, and that are no params, to null at its start."""
-    if header_of(each.tree) is not None:
+    if each.tree.header:
         return
     unset = {name: None for name in interface.needs if name not in interface.params and name not in each.initial}
     initial = {**each.initial, **unset}
@@ -249,9 +246,9 @@ def _set_unset_variables(each: TreeContext, interface: MissionInterface) -> None
 def _text(each: TreeContext, interface: MissionInterface, name: str) -> str:
     tree = each.tree
     comments = tuple(tree.file.root.comments) if tree.is_main or len(tree.file.trees) == 1 else ()
-    header = header_of(tree)
-    if header is None:
-        header = {"mission": f" {yaml_word(name)}"}
+    header = dict(header_of(tree))
+    if not header:
+        header["mission"] = f" {yaml_word(name)}"
         outside = [variable for variable in interface.params if tree.is_main and variable not in interface.sets]
         if interface.params:
             header["params"] = params_text(interface.params, dict.fromkeys(outside, "set by the program"))

@@ -2,7 +2,7 @@
 
 from missions.plugins.interchange.blackboard import constant_value, entry_of, kind_of_constant
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
-from missions.plugins.interchange.foreign_trees import PortModel, written_ports
+from missions.plugins.interchange.foreign_trees import PortModel, ports_of
 from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import KINDS
@@ -106,7 +106,7 @@ def _ruled_leaf(tree: TreeContext, element: Element, kind: str, rule: LeafRule) 
     """
     arguments = dict[str, object]()
     step = MissionStep(rule.leaf)
-    for port, value in written_ports(element).items():
+    for port, value in ports_of(element).items():
         if port in rule.ports:
             written = _ruled_value(tree, step, value, port, rule.ports[port])
             if rule.ports[port].argument == TIMEOUT and rule.ports[port].unit:
@@ -147,7 +147,7 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> Miss
     stub.uses += 1
     step = MissionStep(stub.tag)
     arguments, outputs = dict[str, object](), dict[str, str]()
-    for port, value in written_ports(element).items():
+    for port, value in ports_of(element).items():
         declared = model.port(port)
         if declared.direction in ("out", "inout") and is_pointer(value):
             outputs[port] = tree.pointer(value, port)

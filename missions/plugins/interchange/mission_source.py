@@ -8,10 +8,9 @@ from config.yaml_nodes import Listing, Node, Scalar, compose
 from config.yaml_nodes import Mapping as Entries
 from missions.language.expressions import Value
 from missions.language.for_each import steps_in_scope
-from missions.language.nodes import MISSION
 from missions.language.param_types import NAME_TYPES
 from missions.language.plan import Step
-from missions.plugins.interchange.marks import HEADER
+from missions.plugins.interchange.node_kinds import HEADER_KEYS
 from missions.plugins.interchange.script_writer import (
     ANY,
     FLAG,
@@ -79,17 +78,10 @@ class MissionSource:
             number -= 1
         return [line for line in found if line]
 
-    def header(self) -> dict[str, str]:
-        """Return the top-level keys of the mission file, such as ``summary`` and ``params``, as attributes of the tree.
-
-        Name and tree of the mission are left out.
-        """
-        found = {}
-        for key, attribute in HEADER.items():
-            node = None if key == MISSION else self.root.get(key)
-            if node is not None:
-                found[attribute] = node.text if isinstance(node, Scalar) else YAML_PREFIX + flow_text(node)
-        return found
+    def header(self) -> str:
+        """Return the top-level keys of the mission file, such as ``summary`` and ``params``, as one YAML mapping."""
+        nodes = {key: node for key in HEADER_KEYS if (node := self.root.get(key)) is not None}
+        return f"{YAML_PREFIX}{{{', '.join(f'{key}: {flow_text(node)}' for key, node in nodes.items())}}}"
 
 
 def read_mission(id_: str, tree: Step, source: SourceText, *, is_main: bool) -> MissionSource:

@@ -236,7 +236,7 @@ CONDITIONS = (
 MARK = "_mission"
 """Attribute of an XML element that `mission show` has exported: the word of the step from which it was made.
 
-On a ``BehaviorTree`` element it is the name of the mission. This attribute and those below hold data for an import
+This attribute and those below hold data for an import
 that BehaviorTree.CPP has no place for; see ``missions.plugins.interchange.marks`` for their form in a file.
 """
 
@@ -247,8 +247,8 @@ These are the names of the params in ``with``, those of params that have their d
 and ``as``.
 """
 
-SUMMARY, PARAMS, PROPERTIES, INTERRUPTED = "_summary", "_params", "_properties", "_if_interrupted"
-"""Attributes of an exported ``BehaviorTree`` element that hold top-level keys of the mission, as ``RETURNS`` does."""
+HEADER_KEYS = ("mission", "summary", "params", "returns", "properties", "if_interrupted")
+"""Top-level keys of a mission that the declaration of its exported tree holds, as YAML in its description."""
 
 REASON = "_reason"
 """Attribute of an exported AlwaysFailure node that holds the reason of the ``fail`` step."""

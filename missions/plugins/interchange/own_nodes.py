@@ -20,7 +20,7 @@ from missions.language.nodes import (
 )
 from missions.plugins.interchange import leaves
 from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form, written_ports
+from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form, ports_of
 from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
     AS,
@@ -30,15 +30,11 @@ from missions.plugins.interchange.node_kinds import (
     DEFAULTS,
     FILLER,
     GIVEN,
-    INTERRUPTED,
     MARK,
-    PARAMS,
     PREPARED,
-    PROPERTIES,
     REASON,
     RESULT,
     RETURNS,
-    SUMMARY,
     UNSKIPPED,
 )
 from missions.plugins.interchange.port_directions import model_of
@@ -48,6 +44,7 @@ from missions.plugins.interchange.stub_leaves import kind_of_port
 from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import (
     YAML_PREFIX,
+    entries_of,
     flow_text,
     is_pointer,
     is_text_argument,
@@ -97,7 +94,7 @@ def _ports(element: Element) -> list[tuple[str, str]]:
 
     Editors add a port without a value; it is left out, since the export writes an empty text as YAML.
     """
-    return [(port, text) for port, text in written_ports(element).items() if text]
+    return [(port, text) for port, text in ports_of(element).items() if text]
 
 
 def _value(tree: TreeContext, element: Element, port: str, *, is_text: bool = False) -> str:
@@ -385,11 +382,11 @@ def translate_call(tree: TreeContext, element: Element, inner: SourceTree, name:
 
     ``name`` is the name of the mission. None if the tree was not exported.
     """
-    if MARK not in inner.element.attributes:
+    if not inner.header:
         return None
     returns, calculated = (read_entries(element.attributes.get(key, "")) for key in (RETURNS, CALCULATED))
     given_names, defaults = (element.attributes.get(key, "").split() for key in (GIVEN, DEFAULTS))
-    results = returns or read_entries(inner.element.attributes.get(RETURNS, ""))
+    results = returns or entries_of(inner.header.get("returns"))
     returned = {node.text for node in results.values() if isinstance(node, Scalar)}
     given: dict[str, object] = {}
     for port, text in _ports(element):
@@ -407,25 +404,15 @@ def translate_call(tree: TreeContext, element: Element, inner: SourceTree, name:
     return _with_name(step, element)
 
 
-def header_of(tree: SourceTree) -> Mapping[str, str] | None:
-    """Return the top-level keys of a mission file, such as ``params``, from the attributes of its exported tree.
+def header_of(tree: SourceTree) -> Mapping[str, str]:
+    """Return the top-level keys of a mission file, such as ``params``, as YAML text, from the tree of its export.
 
-    The values are YAML text. None for a tree that was not exported from a mission.
+    Empty for a tree that was not exported from a mission.
     """
-    attributes = tree.element.attributes
-    if MARK not in attributes:
-        return None
-    found = {"mission": f" {yaml_word(attributes[MARK])}"}
-    for attribute, key in ((SUMMARY, "summary"), (INTERRUPTED, "if_interrupted")):
-        if attribute in attributes:
-            found[key] = f" {yaml_word(attributes[attribute])}"
-    for attribute, key in ((PARAMS, "params"), (RETURNS, "returns")):
-        if entries := read_entries(attributes.get(attribute, "")):
-            found[key] = "".join(f"\n  {yaml_word(name)}: {flow_text(node)}" for name, node in entries.items())
-    try:
-        properties = read_flow(attributes.get(PROPERTIES, ""))
-    except ValueError:
-        return found
-    if isinstance(properties, Listing):
-        found["properties"] = "".join(f"\n  - {flow_text(each)}" for each in properties.items)
+    found = {}
+    for key, node in tree.header.items():
+        lines = [f"{yaml_word(name)}: {flow_text(value)}" for name, value in entries_of(node).items()]
+        if isinstance(node, Listing):
+            lines = [f"- {flow_text(each)}" for each in node.items]
+        found[key] = "".join(f"\n  {line}" for line in lines) if lines else f" {flow_text(node)}"
     return found

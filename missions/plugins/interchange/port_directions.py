@@ -12,7 +12,7 @@ from missions.plugins.interchange.foreign_trees import (
     SourceTree,
     call_ports,
     normal_form,
-    written_ports,
+    ports_of,
 )
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.node_kinds import (
@@ -52,7 +52,7 @@ def find_used_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) ->
             if kind == "SubTree":  # one without a tree is a stub with the name of the tree
                 kind = element.attributes.get("ID", "").strip()
             model = model_of(project, kind, rules)
-            for port, value in written_ports(element).items():
+            for port, value in ports_of(element).items():
                 if is_pointer(value) and model.port(port).direction != "in":
                     found[kind][port] = model.port(port)
     return found
@@ -97,7 +97,7 @@ def _mentions(project: ForeignProject, tree: SourceTree) -> Iterator[Mention]:
         is_leaf = kind not in KINDS and not element.children
         for name, script in _scripts(element, kind):
             yield from (("", name, entry) for entry in script.reads)
-        for name, value in written_ports(element).items():
+        for name, value in ports_of(element).items():
             if is_pointer(value):
                 yield (kind if is_leaf else ""), name, entry_of(value, name)
 

@@ -75,10 +75,14 @@ def read_flow(text: str) -> Node:
 def read_entries(text: str) -> Mapping[str, Node]:
     """Return the values of the mapping in the text of a port, by key; empty if it is not a mapping."""
     try:
-        found = read_flow(text)
+        return entries_of(read_flow(text))
     except ValueError:
         return {}
-    return {name.text: value for name, value in found.entries} if isinstance(found, Entries) else {}
+
+
+def entries_of(node: Node | None) -> Mapping[str, Node]:
+    """Return the values of a YAML mapping by key; empty if ``node`` is not a mapping."""
+    return {name.text: value for name, value in node.entries} if isinstance(node, Entries) else {}
 
 
 def is_text_argument(argument: Argument | None) -> bool:
