@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from behaviours.leaf import Leaf
 from config.yaml_nodes import Mapping as Entries
-from config.yaml_nodes import Node, Scalar
+from config.yaml_nodes import Scalar
 from missions.language.nodes import (
     BRANCHES,
     FINALLY,
@@ -55,7 +55,10 @@ def custom_modifier(writer: TreeWriter, step: Step, child: Element) -> Element:
     """
     others = [writer.element(other) for other in step.children[1:]]
     value = writer.mission.value(step)
-    ports = {"value": _modifier_text(step, value)} if isinstance(value, Scalar) else {}
+    is_expression = MODIFIERS[step.kind].value in ("condition", "expression")
+    ports = (
+        {"value": value.text if is_expression else port_text(value, is_text=False)} if isinstance(value, Scalar) else {}
+    )
     limit = writer.mission.beside(step).get(HALT_LIMIT)
     if others and limit is not None and step.kind == FINALLY:
         ports[HALT_LIMIT] = port_text(limit, is_text=False)
@@ -157,12 +160,6 @@ def _declare(model: Element, direction: str, name: str, kind: str, help_text: st
     if all(port.attributes.get("name") != name for port in model.children):
         port = Element(direction, {"name": name, "type": kind}, model.source, 1, text=" ".join(help_text.split()))
         model.children.insert(len(model.children) - 1, port)
-
-
-def _modifier_text(step: Step, value: Node) -> str:
-    if MODIFIERS[step.kind].value in ("condition", "expression"):
-        return value.text if isinstance(value, Scalar) else ""
-    return port_text(value, is_text=False)
 
 
 def camel_case(word: str) -> str:

@@ -20,7 +20,7 @@ from missions.language.nodes import (
 )
 from missions.plugins.interchange import leaves
 from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in
-from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, normal_form, ports_of
+from missions.plugins.interchange.foreign_trees import SourceTree, normal_form, ports_of
 from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
     AS,
@@ -69,17 +69,12 @@ def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> Missi
     if REASON in element.attributes:
         return _with_name(MissionStep("fail", Verbatim(_value(tree, element, REASON, is_text=True))), element)
     kind, role = normal_form(element, tree.project)
-    word = _word_of(tree.project, kind)
+    word = tree.project.models[kind].word if kind in tree.project.models else ""
     if not word:
         return None
     children = [tree.node(child, skip_in(word), word) for child in element.children]
     step = _custom(tree, element, word, children) if children else _leaf(tree, element, kind, role, word)
     return None if step is None else _with_name(step, element)
-
-
-def _word_of(project: ForeignProject, kind: str) -> str:
-    model = project.models.get(kind)
-    return "" if model is None else model.word
 
 
 def _with_name(step: MissionStep, element: Element) -> MissionStep:

@@ -333,15 +333,11 @@ def _as_kind(formula: Formula, kind: str | None) -> Formula:
         if isinstance(value, bool):
             return Formula(str(int(value)), NUMBER, constant=float(value))
         return Formula(f"1 if {formula.within(LOGIC)} else 0", NUMBER, formula.reads, 1)
-    if kind == NUMBER and isinstance(value, str) and _is_number(value):
+    if kind == NUMBER and isinstance(value, str) and re.fullmatch(r"-?\d+(\.\d*)?", value):
         return Formula(number_text(float(value)), NUMBER, constant=float(value))
     if kind == TEXT and isinstance(value, float) and not isinstance(value, bool):
         return text_formula(number_text(value))
     return formula
-
-
-def _is_number(text: str) -> bool:
-    return re.fullmatch(r"-?\d+(\.\d*)?", text) is not None
 
 
 def _simple_flag_test(left: Formula, parts: list[str]) -> Formula | None:
