@@ -9,7 +9,8 @@ Users extend the table by a YAML file with one key, ``leaves``::
       ComputePathToPose: {outputs: [path]}
 
 Each port has the name of an argument, with the unit of the port's number. The minus in ``-distance in m`` reverses the
-sign. ``outputs`` are the ports that the leaf writes. If a leaf of missions replaces it, ``as`` stores the first output.
+sign, and ``|speed| in m/s`` drops it. ``outputs`` are the ports that the leaf writes. If a leaf of missions replaces
+it, ``as`` stores the first output.
 """
 
 import re
@@ -24,18 +25,22 @@ from config.yaml_nodes import Listing, Node, Scalar, compose, read_source
 from config.yaml_nodes import Mapping as Entries
 
 RULE_KEYS = ("leaf", "ports", "outputs")
-PORT_RULE = re.compile(r"(?P<sign>-?)(?P<argument>[A-Za-z_]\w*)(?:\s+in\s+(?P<unit>\S+))?")
+PORT_RULE = re.compile(r"(?P<sign>-?)(?P<size>\|?)(?P<argument>[A-Za-z_]\w*)(?P=size)(?:\s+in\s+(?P<unit>\S+))?")
 TIMEOUT = "timeout"
 """Name in a table of leaves for a port that becomes the modifier ``timeout``, instead of an argument."""
 
 
 @dataclass(frozen=True, slots=True)
 class PortRule:
-    """How a port becomes an ``argument`` of a leaf: the ``unit`` of the port's number, and whether to negate it."""
+    """How a port becomes an ``argument`` of a leaf.
+
+    ``unit`` is that of the port's number. ``drops_sign`` takes its size, and ``reversed`` then negates it.
+    """
 
     argument: str
     unit: str = ""
     reversed: bool = False
+    drops_sign: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,15 +67,17 @@ def read_port_rule(text: str) -> PortRule:
     unit = found["unit"] or ""
     if unit and not any(unit in units for units in UNITS.values()):
         raise ValueError(f"unknown unit '{unit}'")
-    return PortRule(found["argument"], unit, found["sign"] == "-")
+    return PortRule(found["argument"], unit, found["sign"] == "-", bool(found["size"]))
 
 
 LEAF_RULES: Mapping[str, LeafRule] = {
     "Wait": _rule("wait", wait_duration="duration in s"),
     "Spin": _rule("turn", spin_dist="angle in rad", time_allowance="timeout in s"),
-    "BackUp": _rule("drive", backup_dist="-distance in m", backup_speed="speed in m/s", time_allowance="timeout in s"),
+    "BackUp": _rule(  # backs up whatever the signs are: nav2_behaviors/plugins/back_up.cpp
+        "drive", backup_dist="-|distance| in m", backup_speed="|speed| in m/s", time_allowance="timeout in s"
+    ),
     "DriveOnHeading": _rule(
-        "drive", dist_to_travel="distance in m", speed="speed in m/s", time_allowance="timeout in s"
+        "drive", dist_to_travel="distance in m", speed="|speed| in m/s", time_allowance="timeout in s"
     ),
 }
 """Rules for leaves of Nav2 that a leaf of missions can replace, such as Spin by ``turn``."""

@@ -128,13 +128,16 @@ def _ruled_value(tree: TreeContext, step: MissionStep, value: str, port: str, ru
     if is_pointer(value):
         name = tree.pointer(value, port)
         step.reads += (name,)
-        if rule.reversed:
-            return Computed(f"-{name} * 1 {rule.unit}" if rule.unit else f"-{name}")
+        if rule.reversed or rule.drops_sign:
+            formula = f"{'-' * rule.reversed}{f'abs({name})' if rule.drops_sign else name}"
+            return Computed(f"{formula} * 1 {rule.unit}" if rule.unit else formula)
         return Verbatim(f'"${{{name}}} {rule.unit}"') if rule.unit else Computed(name)
     constant = constant_value(value)
     if isinstance(constant, bool | str):
         return constant
-    return quantity(-constant if rule.reversed else constant, rule.unit) if rule.unit else constant
+    number = abs(constant) if rule.drops_sign else constant
+    signed = -number if rule.reversed else number
+    return quantity(signed, rule.unit) if rule.unit else signed
 
 
 def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:

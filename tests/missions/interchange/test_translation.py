@@ -296,3 +296,19 @@ def check_import(imported: ImportedProject, folder: Path) -> None:
     leaves = load_leaves(sorted((folder / "behaviours").glob("*.py")))
     for mission in folder.glob("*.yaml"):
         load_plan(mission, leaves, LOOKUPS, find_mission=find_mission)
+
+
+@pytest.mark.parametrize(
+    ("node", "driven"),
+    [
+        ('<BackUp backup_dist="-0.5" backup_speed="-0.1"/>', "drive: {distance: -0.5 m, speed: 0.1 m/s}"),
+        ('<BackUp backup_dist="0.3" backup_speed="0.1"/>', "drive: {distance: -0.3 m, speed: 0.1 m/s}"),
+        ('<BackUp backup_dist="{far}"/>', 'drive: "${-abs(far) * 1 m}"'),
+        ('<DriveOnHeading dist_to_travel="-0.5" speed="-0.1"/>', "drive: {distance: -0.5 m, speed: 0.1 m/s}"),
+        ('<DriveOnHeading dist_to_travel="0.5" speed="{v}"/>', 'drive: {distance: 0.5 m, speed: "${abs(v) * 1 m/s}"}'),
+    ],
+)
+def test_robot_backs_up_whatever_the_sign_of_the_distance(node: str, driven: str, tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text(node))
+    assert tree_lines(imported) == [driven]
+    check_import(imported, tmp_path / "out")
