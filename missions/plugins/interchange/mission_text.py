@@ -19,7 +19,8 @@ MAX_WORD_LENGTH = 80
 
 def snake_word(text: str, default: str = "") -> str:
     """Return a name of the other program in snake case, as a word of missions; ``default`` if nothing is left of it."""
-    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(text))).strip("_")[:MAX_WORD_LENGTH] or default
+    parted = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", "_", text)  # "GPSFix" and "CheckAPlan"
+    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(parted))).strip("_")[:MAX_WORD_LENGTH] or default
 
 
 PLAIN_EXPRESSION = re.compile(r"[A-Za-z_(][^#:\n]*")

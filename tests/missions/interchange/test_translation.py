@@ -312,3 +312,8 @@ def test_robot_backs_up_whatever_the_sign_of_the_distance(node: str, driven: str
     imported = import_text(tmp_path, tree_text(node))
     assert tree_lines(imported) == [driven]
     check_import(imported, tmp_path / "out")
+
+
+def test_words_of_stubs_part_acronyms_from_words(tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text("<Sequence><CheckAPlan/><ISGameStart/><MoveToXY/></Sequence>"))
+    assert tree_lines(imported)[1:] == ["  - check_a_plan", "  - is_game_start", "  - move_to_xy"]
