@@ -1,11 +1,13 @@
 """A ``finally`` that tries to drive, in real time on a virtual base: what the wire carries after each kind of end."""
 
 import signal
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
+from missions.executive.executive import HALT_TIMEOUT
 from tests.missions.command import command
 from tests.missions.test_cleanup_endings import write_files
 from tests.missions.test_ending import Driving
@@ -28,10 +30,10 @@ tree:
 class Witness:
     """A mission that drives a virtual base; ``commands`` are the speeds that the wire has carried."""
 
-    def __init__(self, folder: Path, limit: str) -> None:
+    def __init__(self, folder: Path, limit: str, mission: str = MISSION) -> None:
         write_files(folder)
         self.commands: list[float] = []
-        self.driving = Driving(folder, mission=MISSION.replace("LIMIT", limit))
+        self.driving = Driving(folder, mission=mission.replace("LIMIT", limit))
         self.pid = str(self.driving.process.process.pid)
         body = self.driving.kobuki.body
         carry_out = body.command
@@ -50,11 +52,11 @@ class Witness:
 
 
 @pytest.fixture
-def start(tmp_path: Path) -> Iterator[Callable[[str], Witness]]:
+def start(tmp_path: Path) -> Iterator[Callable[..., Witness]]:
     found: list[Witness] = []
 
-    def make(limit: str) -> Witness:
-        found.append(Witness(tmp_path, limit))
+    def make(limit: str, mission: str = MISSION) -> Witness:
+        found.append(Witness(tmp_path, limit, mission))
         return found[0]
 
     yield make
@@ -113,3 +115,53 @@ def test_killed_run_starts_no_cleanup(start: Callable[[str], Witness]) -> None:
     witness.driving.process.end(signal.SIGKILL)
     wait_until(lambda: witness.driving.speed == 0.0, seconds=2.0)
     assert "refused" not in "".join(witness.driving.process.errors)
+
+
+ENDLESS = """mission: far
+tree:
+  drive: 20 m
+  timeout: LIMIT
+  finally:
+    sequence:
+      - log: begin
+      - CLEANUP
+  halt_limit: 10 s
+"""
+CLEANUPS = {
+    "waits": "wait: 1 h",
+    "repeats": "{log: again, repeat: forever}",
+    "nested": "{wait: 1 h, finally: {wait: 1 h, finally: {wait: 1 h}, halt_limit: 10 s}, halt_limit: 10 s}",
+    "tries to move": "{liar: , on_failure: succeed}",
+}
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("way", "cleanup"), [*(("SIGTERM", each) for each in CLEANUPS), ("mission stop --end", "waits")]
+)
+def test_end_with_an_endless_cleanup_is_over_after_the_halt_timeout(
+    way: str, cleanup: str, start: Callable[..., Witness], capsys: pytest.CaptureFixture[str]
+) -> None:
+    witness = start("60 s", ENDLESS.replace("CLEANUP", CLEANUPS[cleanup]))
+    _, end, code = WAYS[way]
+    began = time.monotonic()
+    assert end(witness, capsys) == code
+    assert time.monotonic() - began < HALT_TIMEOUT + 3.0  # with the end of the process
+    assert "begin" in "".join(witness.driving.process.errors)
+    assert witness.motions_after_stop == []
+    wait_until(lambda: witness.driving.speed == 0.0, seconds=0.4)
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("way", ["SIGTERM", "mission stop --end"])
+def test_end_during_an_endless_cleanup_is_over_after_the_halt_timeout(
+    way: str, start: Callable[..., Witness], capsys: pytest.CaptureFixture[str]
+) -> None:
+    witness = start("1 s", ENDLESS.replace("CLEANUP", CLEANUPS["waits"]))
+    wait_until(lambda: "begin" in "".join(witness.driving.process.errors), seconds=10.0)
+    _, end, code = WAYS[way]
+    began = time.monotonic()
+    assert end(witness, capsys) == code
+    assert time.monotonic() - began < HALT_TIMEOUT + 3.0
+    assert witness.motions_after_stop == []
+    wait_until(lambda: witness.driving.speed == 0.0, seconds=0.4)

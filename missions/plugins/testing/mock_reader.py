@@ -12,7 +12,7 @@ from config.section_reader import read_keys
 from config.units import quoted_value
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from missions.language.kinds import Kind, ListKind, RecordKind, describe_kind, join_kinds, kind_of_type
-from missions.language.nodes import MISSION
+from missions.language.nodes import FINALLY, MISSION, RECOVER
 from missions.language.phrases import step_phrases
 from missions.language.plan import Step
 from missions.language.variables import return_kinds
@@ -36,7 +36,9 @@ def _report_unknown_target(fields: Fields, key: Scalar, setting: CaseSetting, mi
     known = {word for step, word in words if matches_step(word, step)}
     message = f"mission '{mission}' has no behaviour {quoted_value(key.text)}"
     hint = did_you_mean(key.text, known) or f"these can be mocked: {', '.join(sorted(known))}"
-    if setting.steps(key.text):
+    if key.text in (RECOVER, FINALLY):
+        hint = f"name the behaviour of '{key.text}' instead; {hint}"
+    elif setting.steps(key.text):
         message = f"{quoted_value(key.text)} is not the name of one behaviour"
         hint = f"give it a name of its own in the mission (name: ...), and mock it; {hint}"
     fields.add_error(key.mark, message, hint)

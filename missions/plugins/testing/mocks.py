@@ -3,7 +3,9 @@
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from enum import IntEnum
 from fnmatch import fnmatchcase
+from operator import itemgetter
 from typing import Any
 
 from py_trees.common import Status
@@ -176,35 +178,57 @@ class Mock(Leaf):
         return SUCCESS
 
 
-def matches_step(target: str, step: Step) -> bool:
-    """Return whether a mock for ``target`` replaces this step.
+class TargetMatch(IntEnum):
+    """How the target of a mock matches a step; of several mocks, the closest match replaces the step."""
+
+    NAME = 0
+    WORD = 1
+    WILDCARD = 2
+
+
+def match_step(target: str, step: Step) -> TargetMatch | None:
+    """Return how a mock for ``target`` matches this step; None if it does not.
 
     A leaf matches by its word or name, a sub-mission by its own name or the name given to the step, a composite by the
     name given to it; ``*`` and ``?`` are wildcards, for leaves and sub-missions.
     """
     if step.kind in MODIFIERS:
-        return False
+        return None
+    word = step.text if step.kind == MISSION else step.kind
+    if target == step.name and step.name != word:
+        return TargetMatch.NAME
     if step.leaf is None and step.kind != MISSION:
-        return step.name != step.kind and target == step.name
-    names = (step.name, step.text if step.kind == MISSION else step.kind)
-    return target in names or any(fnmatchcase(name, target) for name in names if WILDCARDS.intersection(target))
+        return None
+    if target == word:
+        return TargetMatch.WORD
+    is_match = WILDCARDS.intersection(target) and any(fnmatchcase(name, target) for name in (step.name, word))
+    return TargetMatch.WILDCARD if is_match else None
+
+
+def matches_step(target: str, step: Step) -> bool:
+    """Return whether a mock for ``target`` can replace this step."""
+    return match_step(target, step) is not None
 
 
 class MockSubstitution:
-    """Replaces leaves, missions and composites with mocks while a tree is built; the first mock that matches wins.
+    """Replaces leaves, missions and composites with mocks while a tree is built.
 
-    All steps that match one mock share its script: ``gesture: fails twice`` covers the first two gestures.
+    If several mocks match a step, the closest match replaces it, and the first of equally close ones. Of two mocks with
+    the same target, the last one counts: that of the case, after that of all cases. All steps that one mock replaces
+    share its script: ``gesture: fails twice`` covers the first two gestures.
     """
 
     def __init__(self, specs: Iterable[MockSpec]) -> None:
-        self._mocks = [(spec, TurnSequence(spec.script)) for spec in specs]
+        scripts = {spec.target: spec.script for spec in specs}
+        self._mocks = [(target, TurnSequence(script)) for target, script in scripts.items()]
 
     def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
         """Return the mock that replaces a step; without one, return ``leaf`` (None if the step is not a leaf)."""
-        for spec, turns in self._mocks:
-            if matches_step(spec.target, step):
-                return _mock_step(step, turns) if leaf is None else _mock_leaf(leaf, turns)
-        return leaf
+        matches = [(match, turns) for target, turns in self._mocks if (match := match_step(target, step)) is not None]
+        if not matches:
+            return leaf
+        _, turns = min(matches, key=itemgetter(0))
+        return _mock_step(step, turns) if leaf is None else _mock_leaf(leaf, turns)
 
 
 def _mock_leaf(leaf: Leaf, turns: TurnSequence) -> Mock:

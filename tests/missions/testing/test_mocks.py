@@ -153,3 +153,19 @@ def test_patterns_match_leaves_and_missions_and_names_match_composites() -> None
     }
     every = [step(FindFace), mission, named, plain, timed]
     assert {target: [each for each in every if matches_step(target, each)] for target in stands} == stands
+
+
+def test_closest_match_replaces_a_step_whatever_the_order(bench: LeafTestBench) -> None:
+    named, plain = step(GestureLeaf, "wave"), step(GestureLeaf)
+    for specs in ([spec("*", "runs"), spec("gesture", "fails"), spec("wave", "succeeds")],
+                  [spec("wave", "succeeds"), spec("gesture", "fails"), spec("*", "runs")]):  # fmt: skip
+        cast = MockSubstitution(specs)
+        wave = bench.put(cast_for(cast, named, GestureLeaf("wave")))
+        other = bench.put(cast_for(cast, plain, GestureLeaf("gesture")))
+        wait = bench.put(cast_for(cast, step(Wait), Wait("wait")))
+        assert [bench.tick(leaf) for leaf in (wave, other, wait)] == [SUCCESS, FAILURE, RUNNING]
+
+
+def test_last_of_two_mocks_with_the_same_target_counts(bench: LeafTestBench) -> None:
+    cast = MockSubstitution([spec("gesture", "fails"), spec("gesture", "succeeds")])
+    assert bench.tick(bench.put(cast_for(cast, step(GestureLeaf), GestureLeaf("gesture")))) is SUCCESS
