@@ -20,6 +20,7 @@ from missions.cli.options import leaf_loader, mission_files_in
 from missions.cli.outputs import report_write_errors
 from missions.language.claims import impossible_alternatives
 from missions.language.document import unread_param_hints
+from missions.language.draws import repeated_draw_hints
 from missions.language.old_forms import Rewrite, rewrite_old_forms
 from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
@@ -99,6 +100,7 @@ def _check_file(
         *actions_as_guards(plan.tree),
         *find_once_guards(plan.tree),
         *early_action_hints(plan.tree),
+        *repeated_draw_hints(plan.tree),
         *impossible_alternatives(plan.tree, robot, LOOKUPS),
     ]
     return summary, [], [*hints, *confusions(plan.tree, robot)]

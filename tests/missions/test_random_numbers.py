@@ -5,7 +5,10 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from py_trees.common import Status
 
+from behaviours.basics import Succeed
+from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from behaviours.run import RunState
 from config.diagnostics import InvalidFileError
@@ -14,7 +17,9 @@ from config.units import Quantity
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.executive.events import VariableSet
+from missions.language.draws import repeated_draw_hints
 from missions.language.expressions import ExpressionError, parse
+from missions.language.plan import Step
 from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
 from missions.plugins.records.replay.rerun import rerun
@@ -159,3 +164,102 @@ def test_verify_takes_a_stored_draw_for_unknown() -> None:
     tree = "sequence: [{set: {n: '${random(0, 1)}'}}, {say: a, if: n < 0.5}, {drive: 1 m, if: n > 0.5}]"
     assert outcome(tree, "can: succeed") == PROVED
     assert outcome(tree, "never: drive after say") == REFUTED
+
+
+# --- places where a number that changes, or has decimals, has no meaning ----------------------------------------------
+
+AGAIN = "would give another number each time the node is about to start"
+DECIMALS = "gives a number with decimals"
+
+
+@pytest.mark.parametrize(
+    ("tree", "message", "way_out"),
+    [
+        ("log: a, repeat: '${random(1, 4)}'", f"'repeat': 'random' {DECIMALS}", "write ${round(random(1, 4))}"),
+        ("drive: 1 m, retry: '${1 + random(1, 4)}'", DECIMALS, "write ${round(1 + random(1, 4))}"),
+        ("parallel: [{log: a}, {log: b}], success_count: '${random(1, 2)}'", DECIMALS, "${round(random(1, 2))}"),
+        ("led: {colour: red, number: '${random(1, 2)}'}", DECIMALS, "write ${round(random(1, 2))}"),
+        ("switch: {on: 'random(1, 2)', cases: {1: {log: a}}, default: {log: b}}", "equals no case", "write round("),
+        ("sequence: [{drive: 1 m, once: 'random(0, 1)'}], repeat: 2", f"'once': 'random' {AGAIN}", "${random(0, 1)}"),
+        ("sequence: [{drive: 1 m, once: '${round(random(0, 1))}'}], repeat: 2", AGAIN, "${random(0, 1)}"),
+        ("drive: 1 m, cooldown: '${random(1 s, 4 s)}'", AGAIN, "{number: \"${random(1 s, 4 s)}\"}"),
+        ("drive: 1 m, while: 'random(0, 1) > 0.5'", "would give another number at every tick", "${random(0, 1)}"),
+        ("wait_until: 'x > 1 - random(0, 1)'", "would give another number at every tick", "${random(0, 1)}"),
+    ],
+)  # fmt: skip
+def test_random_without_a_meaning_in_its_place_is_an_error(tree: str, message: str, way_out: str) -> None:
+    with pytest.raises(InvalidFileError) as error:
+        plan_of(f"{{{tree}}}", params="{x: 1}")
+    assert message in str(error.value)
+    assert way_out in str(error.value)
+    assert len(error.value.diagnostics) == 1
+
+
+MEANINGFUL = [
+    "log: a, repeat: '${round(random(1, 4))}'",
+    "log: a, repeat: '${random(1, 4) // 1}'",
+    "drive: 1 m, retry: '${round(random(1, 4))}'",
+    "drive: 1 m, timeout: '${random(1 s, 4 s)}'",
+    "drive: 1 m, delay: '${random(1 s, 4 s)}'",
+    "switch: {on: 'round(random(1, 2))', cases: {1: {log: a}, 2: {say: b}}}",
+    "switch: {on: 'random(1, 2) < 1.5', cases: {true: {log: a}, false: {say: b}}}",
+]
+
+
+@pytest.mark.parametrize("tree", MEANINGFUL)
+def test_verify_proves_what_check_allows(tree: str) -> None:
+    report = explored(f"{{{tree}}}", "can: succeed")
+    assert {str(verdict.outcome) for verdict in report.verdicts} == {PROVED}
+    assert repeated_draw_hints(plan_of(f"{{{tree}}}").tree) == []
+
+
+@pytest.mark.parametrize("tree", MEANINGFUL)
+def test_random_settings_never_fail_a_run(tree: str) -> None:
+    for seed in range(20):
+        run = RunState(ManualClock(), seed=seed)
+        root = build(plan_of(f"{{{tree}}}"), run, lambda _: Robot(), substitute=succeeding)
+        for _ in range(6):
+            run.clock.advance(5.0)  # type: ignore[attr-defined]
+            run.tick += 1
+            if root.execute_tick() is not Status.RUNNING:
+                break
+        assert root.status is Status.SUCCESS, root.reason
+
+
+def succeeding(step: Step, leaf: Leaf | None) -> Leaf | None:
+    """Return a leaf that succeeds, in place of each leaf."""
+    return leaf if leaf is None else Succeed(step.name)
+
+
+CHANCE = "check: 'random(0, 1) < 0.1'"
+
+
+@pytest.mark.parametrize(
+    ("tree", "node"),
+    [
+        (f"reactive_selector: [{{sequence: [bumped, {{{CHANCE}}}, {{say: a}}]}}, {{drive: 1 m}}]", "reactive_selector"),
+        ("reactive_selector: [{say: a, if: 'random(0, 1) < 0.1'}, {drive: 1 m}]", "reactive_selector"),
+        (f"reactive_sequence: [{{selector: [bumped, {{{CHANCE}}}]}}, {{drive: 1 m}}]", "reactive_sequence"),
+        (f"wait_for: {{{CHANCE}}}", "wait_for"),
+        (f"{CHANCE}, hold: 1 s", "hold"),
+    ],
+)
+def test_condition_that_draws_at_every_tick_gets_a_hint(tree: str, node: str) -> None:
+    (hint,) = repeated_draw_hints(plan_of(f"{{{tree}}}").tree)
+    assert hint.message.endswith(f"'random' gives another number at every tick, since '{node}' evaluates it again")
+    way_out = 'such as set: {number: "${random(0, 1)}"}, and read that here'
+    assert hint.suggestion == f"store a number before '{node}', {way_out}"
+
+
+@pytest.mark.parametrize(
+    "tree",
+    [
+        f"sequence: [{{{CHANCE}}}, {{drive: 1 m}}]",
+        f"reactive_selector: [{{sequence: [bumped, {{say: a}}, {{{CHANCE}}}]}}, {{drive: 1 m}}]",
+        f"reactive_selector: [{{say: a, if: face.seen}}, {{sequence: [{{{CHANCE}}}, {{drive: 1 m}}]}}]",
+        f"reactive_selector: [{{{CHANCE}, once: true}}, {{drive: 1 m}}]",
+        "reactive_selector: [{sequence: [bumped, {say: '${random(0, 1)}'}]}, {drive: 1 m}]",
+    ],
+)
+def test_condition_that_draws_once_gets_no_hint(tree: str) -> None:
+    assert repeated_draw_hints(plan_of(f"{{{tree}}}").tree) == []

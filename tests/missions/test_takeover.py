@@ -16,9 +16,11 @@ from config.diagnostics import SourceText
 from drivers.clock import ManualClock
 from missions.executive.build import build
 from missions.language.document import check_plan
+from missions.language.draws import repeated_draw_hints
 from missions.language.outcomes import ends_at_once
 from missions.language.plan import Plan, Step
 from missions.language.takeover import early_action_hints, find_takeovers
+from missions.library.shipped import load_mission, shipped_missions
 from tests.tries import tries
 
 TREES = tries(300, most=3_000)
@@ -257,3 +259,8 @@ def test_action_before_a_condition_of_a_reactive_selector_gets_a_hint(branch: st
     assert "'log' may act at every tick while a later child of the reactive_selector runs" in found[0]
     assert f"'{condition}' (line 2) follows it" in found[0]
     assert f"write 'log' after '{condition}' (line 2)" in found[0]
+
+
+def test_shipped_missions_get_no_hint_about_actions_or_draws() -> None:
+    trees = {name: load_mission(name).tree for name in shipped_missions()}
+    assert not [name for name, tree in trees.items() if early_action_hints(tree) or repeated_draw_hints(tree)]
