@@ -1,7 +1,6 @@
 """``mission check``: report all errors in missions before a run."""
 
 import json
-from codecs import BOM_UTF8
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from tempfile import NamedTemporaryFile
@@ -10,8 +9,8 @@ import click
 
 from behaviours.leaf import Leaf
 from config.diagnostics import Diagnostic, InvalidFileError, InvalidInputError, Mark, SourceText
-from config.file_io import save_file
 from config.library import UnknownNameError
+from config.yaml_edit import rewrite
 from config.yaml_nodes import read_source
 from missions.cli.default_robot import load_mission_for, load_target, robot_option, robots_for
 from missions.cli.names import MISSION
@@ -21,7 +20,7 @@ from missions.cli.outputs import report_write_errors
 from missions.language.claims import impossible_alternatives
 from missions.language.document import unread_param_hints
 from missions.language.draws import repeated_draw_hints
-from missions.language.old_forms import Rewrite, rewrite_old_forms
+from missions.language.old_forms import rewrite_old_forms
 from missions.language.outcomes import actions_as_guards, find_once_guards
 from missions.language.phrases import confusions
 from missions.language.takeover import early_action_hints
@@ -109,41 +108,37 @@ def _check_file(
 def _fix_file(name: str, check: Callable[[str], Sequence[Diagnostic]]) -> list[str]:
     """Rewrite the old forms of the mission language in a file without errors; return the lines to print.
 
-    ``check`` returns the errors of a file. The file is replaced only if the rewritten text has none.
+    ``check`` returns the errors of a file. A form is left if the file would have errors without it.
     """
     if find_file_kind(Path(name).name) is not None:
         return []
     path = find_mission(name)
+    with report_write_errors(path, "--fix"):
+        return _rewrite_file(name, path, check)
+
+
+def _rewrite_file(name: str, path: Path, check: Callable[[str], Sequence[Diagnostic]]) -> list[str]:
+    """Rewrite the old forms in the file of a mission, and return the lines to print.
+
+    The file stays as it is if it has other names, or if it has changed meanwhile. Raises OSError.
+    """
+
+    def is_good(text: str) -> bool:
+        with NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem[:100]}.", suffix=path.suffix) as trial:
+            trial.write(text.encode())
+            trial.flush()
+            return not check(trial.name)
+
     data = path.read_bytes()
-    text, rewrites = rewrite_old_forms(str(path), read_source(path).text)
+    text, rewrites = rewrite_old_forms(str(path), read_source(path).text, is_good)
     if not rewrites:
         return [f"{name}: no old form"]
-    with report_write_errors(path, "--fix"):
-        return _write_fixed(name, path, data, text, rewrites, check)
-
-
-def _write_fixed(
-    name: str,
-    path: Path,
-    data: bytes,
-    text: str,
-    rewrites: Sequence[Rewrite],
-    check: Callable[[str], Sequence[Diagnostic]],
-) -> list[str]:
-    """Replace a mission's file, whose content is ``data``, by the rewritten ``text``; return the lines to print.
-
-    The file stays if the text has errors, or if the file has changed meanwhile. Raises OSError.
-    """
-    mark = BOM_UTF8 if data.startswith(BOM_UTF8) else b""
-    with NamedTemporaryFile(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix) as trial:
-        trial.write(mark + text.encode())
-        trial.flush()
-        if check(trial.name):
-            return [f"{name}: not rewritten, since the new text would have errors"]
+    if path.stat().st_nlink > 1:
+        return [f"{name}: not rewritten, since the file has other names (hard links), which would keep the old text"]
     if path.read_bytes() != data:
         return [f"{name}: not rewritten, since the file has changed meanwhile"]
-    save_file(path, mark + text.encode())
-    return [f"{name}:{line}: rewritten as '{new}'" for line, new, _ in rewrites]
+    rewrite(path, text)
+    return [f"{name}:{each.line}: rewritten as '{each.new}'" for each in rewrites]
 
 
 def _as_dict(fault: Diagnostic, severity: str) -> dict[str, object]:

@@ -9,47 +9,91 @@ old form                                              new form
 a ``race`` of a behaviour and ``wait: 5 s``           the behaviour with ``for: 5 s``
 ====================================================  ==============================
 
-All other characters of the file stay. A form that has comments inside, or that could mean something else, is left.
+All other characters of the file stay. A form that has comments inside, or that could mean something else, is left. In
+the tick in which the time is over, a ``race`` whose ``wait`` comes second ticks the behaviour once more; ``for`` does
+not.
 """
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from config.diagnostics import SourceText
+from config.diagnostics import InvalidFileError, SourceText
 from config.units import parse_quantity
 from config.yaml_nodes import Listing, Mapping, Node, Scalar, compose
 from missions.language.expressions import ExpressionError, parse
 from missions.language.kinds import STATE_KINDS
+from missions.language.nodes import COMPOSITES, FINALLY, FOR_EACH, RECOVER, SWITCHES, WAIT_FOR
 
 MAX_REWRITES = 1000
 """Maximum number of rewrites in one file."""
 
 
 class Rewrite(NamedTuple):
-    """Rewrite of one old form: its ``line`` in the file, the ``new`` word, and the ``text`` of the whole file after."""
+    """Rewrite of one old form: its ``line`` in the file, the ``new`` word, and the ``text`` of the whole file after.
+
+    ``entries`` are the keys and values that the node of the old form, ``old``, has in the new text.
+    """
 
     line: int
     new: str
     text: str
+    old: Mapping
+    entries: Sequence[tuple[str, Node]]
 
 
-def rewrite_old_forms(name: str, text: str) -> tuple[str, list[Rewrite]]:
-    """Return a mission's text with all old forms rewritten, and the rewrites in order.
+def rewrite_old_forms(
+    name: str, text: str, accepts: Callable[[str], bool] = lambda _: True
+) -> tuple[str, list[Rewrite]]:
+    """Return a mission's text with its old forms rewritten, and the rewrites in order.
 
-    ``name`` is the name of the file in errors. Raises InvalidFileError for a text that is not YAML.
+    ``name`` is the name of the file in errors. A rewrite is left out unless ``accepts`` returns True for the text of
+    the file after it. Raises InvalidFileError for a text that is not YAML.
     """
     done: list[Rewrite] = []
     while len(done) < MAX_REWRITES:
         root = compose(SourceText(name, text))
         tree = root.get("tree") if isinstance(root, Mapping) else None
         lines = _Lines(text, _positive_params(root))
-        found = next(_rewrites(lines, tree, ()), None) if tree is not None else None
+        candidates = _rewrites(lines, tree, (), ()) if tree is not None else ()
+        found = next((each for each in candidates if _is_exact(each, root) and accepts(each.text)), None)
         if found is None:
             break
         done.append(found)
         text = found.text
     return text, done
+
+
+def _is_exact(rewrite: Rewrite, root: Node) -> bool:
+    """Return whether the text of a rewrite has the data of the old text, ``root``, except in the old form.
+
+    A node with an alias has more than one place, and is left.
+    """
+    try:
+        after = compose(SourceText("", rewrite.text))
+    except InvalidFileError:
+        return False
+    places = sum(each is rewrite.old for each in _nodes(root))
+    return places == 1 and _data(after, None) == _data(root, rewrite)
+
+
+def _nodes(node: Node) -> Iterator[Node]:
+    """Yield a node and all nodes below it."""
+    yield node
+    for each in [value for _, value in node.entries] if isinstance(node, Mapping) else getattr(node, "items", ()):
+        yield from _nodes(each)
+
+
+def _data(node: Node, rewrite: Rewrite | None) -> object:
+    """Return the data of a node, with keys in their order; with ``rewrite``, as it is after that."""
+    if isinstance(node, Scalar):
+        return repr(node.value)
+    if isinstance(node, Listing):
+        return [_data(each, rewrite) for each in node.items]
+    entries: Iterable[tuple[str, Node]] = ((key.text, value) for key, value in node.entries)
+    if rewrite is not None and node is rewrite.old:
+        entries = rewrite.entries
+    return tuple((key, _data(value, rewrite)) for key, value in entries)
 
 
 class _Lines:
@@ -83,22 +127,36 @@ class _Lines:
         return self.text[:start] + new + self.text[end:]
 
 
-def _rewrites(lines: _Lines, node: Node, siblings: Sequence[Node], parent: str = "") -> Iterator[Rewrite]:
+def _rewrites(lines: _Lines, node: Node, siblings: Sequence[Node], above: tuple[str, ...]) -> Iterator[Rewrite]:
     """Yield the rewrites of a node and of those below it.
 
-    ``parent`` is the word of the node above, such as "sequence", and ``siblings`` are its children.
+    ``above`` are the keys of the nodes around it, such as "while"; the last is the word of its parent, such as
+    "sequence". ``siblings`` are the children of the parent.
     """
     if isinstance(node, Listing):
         for item in node.items:
-            yield from _rewrites(lines, item, node.items, parent)
+            yield from _rewrites(lines, item, node.items, above)
     elif isinstance(node, Mapping):
-        yield from _conditions(lines, node, siblings, parent)
-        yield from _race(lines, node)
+        yield from _conditions(lines, node, siblings, above)
+        around = (*above, *node.keys())
+        if SUSPENDING.isdisjoint(around):
+            yield from _race(lines, node)
         for key, value in node.entries:
-            yield from _rewrites(lines, value, (), key.text)
+            if key.text in NODE_KEYS or above[-1:] == ("cases",):
+                yield from _rewrites(lines, value, (), (*around, key.text))
 
 
-def _conditions(lines: _Lines, node: Mapping, siblings: Sequence[Node], parent: str) -> Iterator[Rewrite]:
+NODE_KEYS = frozenset(
+    {*COMPOSITES, *SWITCHES, "cases", "default", FOR_EACH, "do", WAIT_FOR, RECOVER, FINALLY},
+)
+"""Keys whose values are nodes, or contain nodes; all else is data, which may look like a node."""
+
+
+SUSPENDING = frozenset({"reactive_sequence", "reactive_selector", "reactive_switch", "while", "until", WAIT_FOR})
+"""Words around which a ``race`` is left: with a silent sensor, they treat a ``wait`` and a ``for`` differently."""
+
+
+def _conditions(lines: _Lines, node: Mapping, siblings: Sequence[Node], above: tuple[str, ...]) -> Iterator[Rewrite]:
     """Yield the rewrite of a condition: ``succeed`` with ``while``, or ``fail`` with ``if``."""
     entries = node.entries
     if len(entries) < 2:
@@ -112,11 +170,19 @@ def _conditions(lines: _Lines, node: Mapping, siblings: Sequence[Node], parent: 
     if (word.text, modifier.text) == ("succeed", "while"):
         waiting = _waiting_end(lines, entries[2:], end) if _is_always_known(condition) else None
         new = "check" if waiting is None else "wait_until"
-        text = f"{new}: {lines.text[at:end]}"
-        yield Rewrite(word.mark.line, new, lines.replaced(start, end if waiting is None else waiting, text))
-    elif (word.text, modifier.text) == ("fail", "if") and _leads_on(node, siblings, parent):
-        text = f"check: {_negated(condition, lines.text[at:end])}"
-        yield Rewrite(word.mark.line, "check", lines.replaced(start, end, text))
+        text = lines.replaced(start, end if waiting is None else waiting, f"{new}: {lines.text[at:end]}")
+        yield _rewrite(node, new, text, condition, 2 if waiting is None else 3)
+    elif (word.text, modifier.text) == ("fail", "if") and _leads_on(node, siblings, above):
+        negated = _negated(condition)
+        quote = lines.text[at] if condition.quoted else ""
+        text = lines.replaced(start, end, f"check: {quote}{negated}{quote}")
+        yield _rewrite(node, "check", text, Scalar(condition.mark, negated, negated), 2)
+
+
+def _rewrite(node: Mapping, new: str, text: str, value: Node, count: int) -> Rewrite:
+    """Return the rewrite of a node with the key ``new``, and this value, in place of its first ``count`` keys."""
+    entries = [(new, value), *((key.text, each) for key, each in node.entries[count:])]
+    return Rewrite(node.mark.line, new, text, node, entries)
 
 
 def _waiting_end(lines: _Lines, further: Sequence[tuple[Scalar, Node]], end: int) -> int | None:
@@ -147,23 +213,27 @@ def _expression_text(condition: Scalar) -> str:
     return hole[1] if hole else condition.text
 
 
-def _leads_on(node: Mapping, siblings: Sequence[Node], parent: str) -> bool:
+def _leads_on(node: Mapping, siblings: Sequence[Node], above: tuple[str, ...]) -> bool:
     """Return whether a ``fail`` with ``if`` can become a ``check``, which succeeds where the ``fail`` is skipped.
 
     In a sequence with another child that is never skipped, both have the same effect.
     """
     others = [other for other in siblings if other is not node]
     modifiers = {key.text for key, _ in node.entries} - {"fail", "if", "name"}
-    never_skipped = any(not isinstance(other, Mapping) or other.get("if") is None for other in others)
-    return parent in ("sequence", "reactive_sequence") and not modifiers and never_skipped
+    in_sequence = above[-1:] in (("sequence",), ("reactive_sequence",))
+    return in_sequence and not modifiers and not all(map(_can_be_skipped, others))
 
 
-def _negated(condition: Scalar, written: str) -> str:
-    """Return the negation of a condition, in the same quotes as ``written``, its text in the file."""
-    text = _expression_text(condition)
-    found = re.fullmatch(r"not\s+(\w+(?:\.\w+)?)", text.strip())
-    new = found[1] if found else f"not ({text.strip()})"
-    return f"{written[0]}{new}{written[0]}" if condition.quoted else new
+def _can_be_skipped(node: Node) -> bool:
+    """Return whether a node has an ``if``, or a node below it has one, so that it may be skipped."""
+    return any(isinstance(each, Mapping) and each.get("if") is not None for each in _nodes(node))
+
+
+def _negated(condition: Scalar) -> str:
+    """Return the negation of a condition."""
+    text = _expression_text(condition).strip()
+    found = re.fullmatch(r"not\s+(\w+(?:\.\w+)?)", text)
+    return found[1] if found else f"not ({text})"
 
 
 def _race(lines: _Lines, node: Mapping) -> Iterator[Rewrite]:
@@ -177,10 +247,12 @@ def _race(lines: _Lines, node: Mapping) -> Iterator[Rewrite]:
     if len(waits) != 1:
         return
     (wait,), behaviour = waits, next(item for item in value.items if item is not waits[0])
-    if isinstance(behaviour, Mapping) and behaviour.get("for") is None and isinstance(wait, Mapping):
+    if isinstance(behaviour, Mapping) and not _can_be_skipped(behaviour) and isinstance(wait, Mapping):
         text = _without_race(lines, key, behaviour, wait)
         if text is not None:
-            yield Rewrite(key.mark.line, "for", text)
+            inside = [(word.text, each) for word, each in behaviour.entries]
+            found = _rewrite(node, "for", text, wait.entries[0][1], 1)
+            yield found._replace(entries=[*inside, *found.entries])
 
 
 def _is_long_wait(item: Node, times: frozenset[str]) -> bool:

@@ -1,5 +1,6 @@
 """`mission check --fix` rewrites old forms of the mission language, and leaves every other character of a file."""
 
+from collections.abc import Callable
 from errno import ENOSPC
 from pathlib import Path
 
@@ -11,7 +12,8 @@ from config.diagnostics import SourceText
 from missions.cli import check
 from missions.executive.events import status_word
 from missions.language.document import check_plan
-from missions.language.old_forms import rewrite_old_forms
+from missions.language.old_forms import Rewrite, rewrite_old_forms
+from missions.library.shipped import shipped_missions
 from tests.conformance.harness import Play
 from tests.conformance.probes import Probe
 from tests.missions.command import command
@@ -48,6 +50,23 @@ REWRITTEN = {
     "    - fail:\n      if: n > 1\n": None,  # the sequence would succeed where it was skipped
     "    - fail:\n      if: n > 1\n      on_failure: succeed\n    - succeed\n": None,
     "    - selector:\n        - fail:\n          if: n > 1\n        - succeed\n": None,
+    # The other child may be skipped, and the sequence with it.
+    "    - fail:\n      if: n > 1\n    - sequence:\n        - nod:\n          if: n > 2\n": None,
+    # A skipped behaviour leaves the race to the wait.
+    "    - race:\n        - nod:\n          if: n > 1\n        - wait: 5 s\n": None,
+    # With a silent sensor, a race and a `for` are treated differently there.
+    "    - reactive_sequence:\n        - race:\n            - drive: 1 m\n            - wait: 5 s\n": None,
+    "    - race:\n        - drive: 1 m\n        - wait: 5 s\n      while: face.seen\n": None,
+    "    - set: {a: {succeed: , while: n}, b: [{fail: , if: n}, 1]}\n": None,  # data
+    "    - selector:\n        - &a {succeed: , while: n > 0}\n    - *a\n": None,
+    '    - race:\n        - wait: 5 s\n        - say: "two\n      lines"\n': None,
+    "    - race:\n        - wait: 5 s\n        - say: |+\n            two\n\n": None,
+    '    - race:\n        - say: "🤖\n      lines"\n        - wait: 5 s\n': (
+        '    - say: "🤖\n  lines"\n      for: 5 s\n'
+    ),
+    "    - say: 🤖\n    - {succeed: , while: n > 0, name: 🤖}  # 🤖 \t": (
+        "    - say: 🤖\n    - {check: n > 0, name: 🤖}  # 🤖 \t"
+    ),
 }
 """Nodes of a mission, and the same nodes rewritten; None if they are left."""
 
@@ -60,6 +79,17 @@ def test_old_forms_are_rewritten_and_all_else_is_left(old: str, line_end: str) -
     wanted = REWRITTEN[old]
     assert new == (text if wanted is None else (HEAD + wanted).replace("\n", line_end))
     assert len(rewrites) == (wanted is not None)
+
+
+def test_rewrite_that_is_not_accepted_leaves_the_others() -> None:
+    old = "    - {succeed: , while: n > 0, timeout: 1 s}\n    - {succeed: , while: n > 0}\n"
+    new, _ = rewrite_old_forms("m.yaml", HEAD + old, lambda text: "check: n > 0, timeout" not in text)
+    assert new == HEAD + "    - {succeed: , while: n > 0, timeout: 1 s}\n    - {check: n > 0}\n"
+
+
+def test_shipped_missions_have_no_old_forms() -> None:
+    for path in shipped_missions().values():
+        assert rewrite_old_forms(path.name, path.read_text(encoding="utf-8"))[1] == []
 
 
 def test_all_old_forms_of_a_file_are_rewritten_innermost_too() -> None:
@@ -133,6 +163,50 @@ def test_fix_leaves_a_file_with_errors(
     assert Path("m.yaml").read_text(encoding="utf-8") == text
 
 
+def test_fix_follows_a_symbolic_link_and_leaves_hard_links(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_bytes(OLD)
+    Path("hard.yaml").hardlink_to("m.yaml")
+    Path("soft.yaml").symlink_to("m.yaml")
+    assert "hard links" in command(capsys, "check", "--fix", "soft.yaml").out
+    assert Path("hard.yaml").read_bytes() == OLD
+    Path("hard.yaml").unlink()
+    Path("m.yaml").chmod(0o640)
+    assert "rewritten as 'check'" in command(capsys, "check", "--fix", "soft.yaml").out
+    assert Path("soft.yaml").is_symlink()
+    assert b"check" in Path("m.yaml").read_bytes()
+    assert Path("m.yaml").stat().st_mode & 0o777 == 0o640
+
+
+def test_fix_leaves_a_form_without_which_the_file_would_have_errors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    left = "    - {succeed: , while: 1 < 2, timeout: 1 s}\n"  # a check with a timeout is an error
+    head = "mission: m\ntree:\n  sequence:\n" + left
+    Path("m.yaml").write_text(head + "    - {succeed: , while: 1 < 2}\n", encoding="utf-8")
+    assert "m.yaml:5: rewritten as 'check'\n" in command(capsys, "check", "--fix", "m.yaml").out
+    assert Path("m.yaml").read_text(encoding="utf-8") == head + "    - {check: 1 < 2}\n"
+    assert "no old form" in command(capsys, "check", "--fix", "m.yaml").out
+
+
+def test_fix_leaves_a_file_that_changes_meanwhile(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_bytes(OLD)
+
+    def rewrite_slowly(name: str, text: str, accepts: Callable[[str], bool]) -> tuple[str, list[Rewrite]]:
+        Path("m.yaml").write_bytes(OLD + b"  # mine")
+        return rewrite_old_forms(name, text, accepts)
+
+    monkeypatch.setattr(check, "rewrite_old_forms", rewrite_slowly)
+    assert "has changed meanwhile" in command(capsys, "check", "--fix", "m.yaml").out
+    assert Path("m.yaml").read_bytes() == OLD + b"  # mine"
+
+
 def test_fix_without_files_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     done = command(capsys, "check", "--fix")
     assert done.code == 2
@@ -145,10 +219,10 @@ def test_fix_names_a_file_that_cannot_be_written(
     monkeypatch.chdir(tmp_path)
     Path("m.yaml").write_bytes(OLD)
 
-    def refuse(path: Path, _data: bytes) -> None:
+    def refuse(path: Path, _text: str) -> None:
         raise OSError(ENOSPC, "no space left on device", str(path))
 
-    monkeypatch.setattr(check, "save_file", refuse)
+    monkeypatch.setattr(check, "rewrite", refuse)
     done = command(capsys, "check", "--fix", "m.yaml")
     assert done.code == 2
     assert "m.yaml" in done.err
