@@ -105,15 +105,11 @@ def look_alike(one: bytes, other: bytes) -> bool:
     return bool(off.mean() < 1.0 and (off.max(axis=2) > 32).mean() < 0.001)
 
 
-def wrap_paragraph(text: str, *, bullet: str = "") -> str:
+def wrap_paragraph(text: str) -> str:
     """Return a paragraph of Markdown with lines of at most 100 characters; a list stays as it is."""
     if text.startswith(("- ", "    ")):
         return text
-    indent = " " * len(bullet)
-    lines = wrap(
-        text, 100, initial_indent=bullet, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False
-    )
-    return "\n".join(lines)
+    return "\n".join(wrap(text, 100, break_long_words=False, break_on_hyphens=False))
 
 
 def gallery() -> str:

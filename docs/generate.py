@@ -125,14 +125,14 @@ def state() -> str:
     return markdown_table(("name", "what it is"), rows)
 
 
-def words() -> str:
-    """Return the functions of expressions and the types of params, one line each."""
-    return "\n".join(
-        [
-            dumps.wrap_paragraph(f"Functions: {', '.join(map(markdown_code, FUNCTIONS))}.", bullet="- "),
-            dumps.wrap_paragraph(f"Types of params: {', '.join(map(markdown_code, PARAM_TYPES))}.", bullet="- "),
-        ]
-    )
+def functions() -> str:
+    """Return the list of the functions of expressions."""
+    return dumps.wrap_paragraph(f"Functions: {', '.join(map(markdown_code, FUNCTIONS))}.")
+
+
+def param_types() -> str:
+    """Return the list of the types of params."""
+    return dumps.wrap_paragraph(f"Types: {', '.join(map(markdown_code, PARAM_TYPES))}.")
 
 
 def leaves() -> str:
@@ -285,7 +285,8 @@ TABLES: Mapping[str, Callable[[], str]] = {
     "mission_limits": mission_limits,
     "units": units,
     "state": state,
-    "words": words,
+    "functions": functions,
+    "param_types": param_types,
     "leaves": leaves,
     "robot_keys": robot_keys,
     "robot_top": partial(keys_table, RobotKeys),
