@@ -10,8 +10,8 @@ The analysis follows the results of a tick from a leaf up to the reactive compos
 does not fail.
 """
 
-from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
 
 from config.diagnostics import Diagnostic
 from drivers.api.fast_dataclass import dataclass
@@ -114,6 +114,8 @@ class TakeoverAnalysis:
 
     def __init__(self) -> None:
         self._results: dict[int, Results] = {}
+        self._results_from: dict[int, list[Results]] = {}
+        self._counts: dict[int, Counter[str]] = {}
 
     def acting_leaves(self, composite: Step, key: str) -> Iterator[ActingLeaf]:
         """Yield the leaves that act at once in the children of a reactive composite, except in the last child."""
@@ -133,21 +135,28 @@ class TakeoverAnalysis:
                     key, step, condition, takes_over=declining.isdisjoint(self._leaf_results(step) | {RUNNING})
                 )  # while it waits
             return
+        conditions = self._next_conditions(step, declining)
         for place, child in enumerate(step.children):
             above = {result: self._results_after(step, place, result) for result in (*BOTH_ENDS, SKIPPED, RUNNING)}
             below = frozenset(result for result, results in above.items() if results & declining)
-            following = self._next_condition(step, place, declining) or condition
+            following = conditions[place] or condition
             if place > 0 and step.kind in MODIFIERS:  # recover and finally run at the end of the branch
                 following = None
             yield from self._leaves_below(child, f"{key}.{place + 1}", below, following)
 
-    def _next_condition(self, step: Step, place: int, declining: Results) -> Step | None:
-        """Return the first step after child ``place`` of a composite whose result can end it, so that it declines."""
+    def _next_conditions(self, step: Step, declining: Results) -> list[Step | None]:
+        """Return for each child of a step the first child after it whose result can end the step, so that it declines.
+
+        None if there is none, or if the children do not follow one another.
+        """
         kind = composite_kind(step)
-        if kind is None or kind.order != "in order":
-            return None
-        ends = declining - {kind.passes, SKIPPED}
-        return next((child for child in step.children[place + 1 :] if self.results(child) & ends), None)
+        found: list[Step | None] = [None] * len(step.children)
+        if kind is not None and kind.order == "in order":
+            ends = declining - {kind.passes, SKIPPED}
+            for place in range(len(step.children) - 1, 0, -1):
+                child = step.children[place]
+                found[place - 1] = child if self.results(child) & ends else found[place]
+        return found
 
     def results(self, step: Step) -> Results:
         """Return the possible results of a step in the tick in which it starts."""
@@ -170,8 +179,8 @@ class TakeoverAnalysis:
         if kind is None:
             early = frozenset({SUCCESS}) if step.kind == FOR_EACH else frozenset()
             return early.union(*(self._results_after(step, 0, result) for result in below[0]))
-        if kind.order == "in order" and below:
-            return _results_in_order(kind, below[0], below[1:])
+        if kind.order == "in order":
+            return self._in_order(step, kind)[0]
         return frozenset({RUNNING}).union(*below)
 
     def _leaf_results(self, step: Step) -> Results:
@@ -188,16 +197,40 @@ class TakeoverAnalysis:
             return _results_of_modifier(step, place, result)
         kind = composite_kind(step)
         if kind is not None:
-            others = [self.results(child) for child in step.children[place + 1 :]]
-            if kind.order == "in order":
-                return _results_in_order(kind, frozenset({result}), others)
-            around = [self.results(child) for number, child in enumerate(step.children) if number != place]
-            if not kind.at_once:
-                return frozenset({result}).union(*around if result in (kind.passes, SKIPPED) else ())
-            return frozenset({result, RUNNING}).union(*around) - (frozenset() if result == SKIPPED else {SKIPPED})
+            return self._results_after_child(step, kind, place, result)
         if (step.kind == FOR_EACH and result in (SUCCESS, SKIPPED)) or (step.kind == WAIT_FOR and result == FAILURE):
             return frozenset({result, RUNNING}) - ({FAILURE} if step.kind == WAIT_FOR else frozenset())
         return frozenset({result})
+
+    def _results_after_child(self, step: Step, kind: CompositeKind, place: int, result: str) -> Results:
+        if kind.order == "in order":
+            is_over = result not in (kind.passes, SKIPPED)
+            return frozenset({result}) if is_over else _followed_by(result, self._in_order(step, kind)[place + 1])
+        if id(step) not in self._counts:
+            self._counts[id(step)] = Counter(result for child in step.children for result in self.results(child))
+        own = self.results(step.children[place])
+        around = frozenset(each for each, count in self._counts[id(step)].items() if count > (each in own))
+        if not kind.at_once:
+            return frozenset({result}) | (around if result in (kind.passes, SKIPPED) else frozenset())
+        return (frozenset({result, RUNNING}) | around) - (frozenset() if result == SKIPPED else {SKIPPED})
+
+    def _in_order(self, step: Step, kind: CompositeKind) -> list[Results]:
+        """Return the possible results of the children from each place on, as if they were a composite of their own.
+
+        The last entry is that of no children: SKIPPED.
+        """
+        if id(step) not in self._results_from:
+            found = [frozenset({SKIPPED})]
+            for child in reversed(step.children):
+                own, onward = self.results(child), {kind.passes, SKIPPED}
+                found.append((own - onward).union(*(_followed_by(result, found[-1]) for result in own & onward)))
+            self._results_from[id(step)] = found[::-1]
+        return self._results_from[id(step)]
+
+
+def _followed_by(result: str, others: Results) -> Results:
+    """Return the possible results of children of which the first has ``result``; ``others`` are those of the rest."""
+    return (others - {SKIPPED}) | {result} if SKIPPED in others else others
 
 
 def _results_of_modifier(step: Step, place: int, result: str) -> Results:
@@ -209,17 +242,3 @@ def _results_of_modifier(step: Step, place: int, result: str) -> Results:
         return early_ends(step) | {RUNNING}
     ways = {SUCCESS: kind.success, FAILURE: kind.failure}.get(result, frozenset({result}))
     return frozenset(RUNNING if way == RESTART else way for way in ways)
-
-
-def _results_in_order(kind: CompositeKind, first: Results, others: Iterable[Results]) -> Results:
-    """Return the possible results of a composite whose children follow one another.
-
-    ``first`` are the results of the child that was ticked, ``others`` those of the children after it.
-    """
-    found = first
-    for each in others:
-        onward = found & {kind.passes, SKIPPED}
-        if not onward:
-            break
-        found = (found - onward) | (each - {SKIPPED}) | (onward if SKIPPED in each else frozenset())
-    return found

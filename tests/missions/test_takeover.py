@@ -19,7 +19,7 @@ from missions.language.document import check_plan
 from missions.language.draws import repeated_draw_hints
 from missions.language.outcomes import ends_at_once
 from missions.language.plan import Plan, Step
-from missions.language.takeover import early_action_hints, find_takeovers
+from missions.language.takeover import TakeoverAnalysis, early_action_hints, find_takeovers
 from missions.library.shipped import load_mission, shipped_missions
 from tests.tries import tries
 
@@ -185,23 +185,30 @@ def random_tree(random: Random) -> str:
 
 
 def declined_after_takeover(stage: Stage, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Tick a stage; return the leaves that took over from a child to which their composite then went on."""
+    """Tick a stage; return the leaves that took over from a child to which their composite then went on.
+
+    Children from which a leaf that drives would have taken over in the same tick are left out.
+    """
     found = []
+    driven: set[Node] = set()
     preempted: list[tuple[Node, str]] = []
 
     def preempt(composites: frozenset[str] | None = None) -> bool:
         running = [node for node in stage.run.preemptible if node.status is RUNNING]
         leaf = stage.run.active_leaf
         done = RunState.preempt(stage.run, composites)
-        if composites is not None and leaf is not None:
+        if composites is None:
+            driven.update(stage.run.preemptible)
+        elif leaf is not None:
             preempted.extend((node, leaf.key) for node in running if node.key.rpartition(".")[0] in composites)
         return done
 
     monkeypatch.setattr(stage.run, "preempt", preempt)
     for _ in range(TICKS):
         preempted.clear()
+        driven.clear()
         stage.tick()
-        found += [key for node, key in preempted if node.visited_tick == stage.run.tick]
+        found += [key for node, key in preempted if node.visited_tick == stage.run.tick and node not in driven]
     return found
 
 
@@ -264,3 +271,20 @@ def test_action_before_a_condition_of_a_reactive_selector_gets_a_hint(branch: st
 def test_shipped_missions_get_no_hint_about_actions_or_draws() -> None:
     trees = {name: load_mission(name).tree for name in shipped_missions()}
     assert not [name for name, tree in trees.items() if early_action_hints(tree) or repeated_draw_hints(tree)]
+
+
+@pytest.mark.parametrize("kind", ["sequence", "selector", "random_sequence", "parallel"])
+def test_takeovers_of_a_wide_branch_are_found_in_linear_work(kind: str) -> None:
+    """Each step has its results computed once, and each child of a composite is looked at a few times."""
+    leaves = ", ".join(["{log: a}", "bumped"] * 400)
+    tree = plan_of(f"reactive_selector: [{{{kind}: [{leaves}]}}, {{drive: 1 m}}]").tree
+    looked = 0
+
+    class CountingAnalysis(TakeoverAnalysis):
+        def results(self, step: Step) -> frozenset[str]:
+            nonlocal looked
+            looked += 1
+            return super().results(step)
+
+    list(CountingAnalysis().acting_leaves(tree, "1"))
+    assert looked < 20 * 800
