@@ -7,7 +7,7 @@ from py_trees.common import Status
 from behaviours.node import Node
 from behaviours.run import log
 from drivers.api import COMMAND_TIMEOUT
-from drivers.errors import NotConnected
+from drivers.errors import DeviceFault, NotConnected
 
 IDLE = Status.INVALID
 
@@ -36,11 +36,43 @@ class HaltableNode(Node):
     _unticked_since = 0.0
     _unticked = -2  # the newest tick in which it was not ticked, or suspended
     _paused = False
+    _moved_late = False  # it moved something after its end, or after a halt had begun
+    moved_parts: frozenset[str] = frozenset()
+    """Parts that the leaf has moved since its start, whether it claims them or not."""
 
     @property
     def is_acting(self) -> bool:
         """True from the start until the leaf has ended or come to rest, so while it may drive its actuators."""
         return self._leaf_stage != AT_REST
+
+    @property
+    def claims(self) -> frozenset[str]:
+        """Actuators that the leaf drives, or has moved without a claim."""
+        return self.drives | self.moved_parts
+
+    @property
+    def may_move(self) -> bool:
+        """True while the leaf is ticked or halted; for its threads also between two ticks, unless those are paused."""
+        run, works = self.run, self._leaf_stage in (STARTING, WORKING)
+        return run.active_leaf is self or (works and not run.is_held and run.tick - self.visited_tick <= 1)
+
+    def permit_motion(self) -> None:
+        """Permit a command that moves a part. Raises DeviceFault if the leaf must not move anything now.
+
+        Such a command comes from a thread that the leaf has left behind, or from another leaf that uses its robot.
+        """
+        if not self.may_move:
+            hint = "let a behaviour move only parts of its own robot, and only while it runs"
+            raise DeviceFault(f"kept still: {self.label} is not ticked now", hint=hint)
+
+    def on_motion(self, part: str) -> None:
+        """Note that a command has moved ``part``; stop it, and raise DeviceFault, if the leaf was halted meanwhile."""
+        if not self.may_move:
+            self.run.safe_stop(frozenset({part}))
+            self.permit_motion()
+        self._moved_late |= self._leaf_stage not in (STARTING, WORKING)
+        if part not in self.moved_parts:
+            self.moved_parts |= {part}
 
     @property
     def label(self) -> str:
@@ -59,7 +91,7 @@ class HaltableNode(Node):
 
         The next tick resumes the leaf. By default a base (it stops by itself), voice and screen are left alone.
         """
-        if moving := self.drives - UNPAUSED_PARTS:
+        if moving := self.claims - UNPAUSED_PARTS:
             self.run.safe_stop(moving)
 
     def _count_unticked_time(self) -> None:
@@ -98,9 +130,9 @@ class HaltableNode(Node):
         return self.run.interruptible and isinstance(error, KeyboardInterrupt)
 
     def _stop_safely(self) -> None:
-        if self.drives:
+        if claims := self.claims:
             try:
-                self.run.safe_stop(self.drives)
+                self.run.safe_stop(claims)
             except Exception:  # as in _terminate
                 log.exception("%s: its actuators could not be stopped", self.label)
 
@@ -119,6 +151,8 @@ class HaltableNode(Node):
         if self._is_still_halting():
             if now < self._halt_by:
                 return False
+            self._stop_safely()
+        elif self._moved_late:
             self._stop_safely()
         self._leaf_stage, self._halt_by = AT_REST, None
         return True

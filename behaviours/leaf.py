@@ -169,11 +169,6 @@ class Leaf(HaltableNode):
         return type(cls.__name__, (cls,), {"__module__": cls.__module__, "__doc__": cls.__doc__, **own})
 
     @property
-    def claims(self) -> frozenset[str]:
-        """Actuators that the leaf drives."""
-        return self.drives
-
-    @property
     def started_at(self) -> float:
         """Start time in seconds on the run's clock.
 
@@ -222,14 +217,14 @@ class Leaf(HaltableNode):
         self.suspension = self.suspension_for(reason)
         if self.suspension.timed_out:
             return self.fail(sensor_timeout_reason(reason, self.run.sensor_timeout))
-        if self._leaf_stage == WORKING and self.drives:
+        if self._leaf_stage == WORKING and self.claims:
             self._pass_unticked_time()
         return self.wait(f"waiting: {reason}")
 
     def on_time_passed(self) -> Status:
         if self._leaf_stage == HALTING:
             self.halt()
-        elif self._leaf_stage == WORKING and self.drives:
+        elif self._leaf_stage == WORKING and self.claims:
             self._pass_unticked_time()
         return self.status
 
@@ -295,8 +290,10 @@ class Leaf(HaltableNode):
     def _finish(self, status: Status) -> None:
         """Return to AT_REST after success or failure, and call ``terminate`` if necessary."""
         self._leaf_stage = AT_REST
-        if self._has_terminate or (self._prepares and status is FAILURE):
+        if self._has_terminate or (status is FAILURE and (self._prepares or self.moved_parts)):
             self._terminate(status)
+            if self._moved_late and status is FAILURE:
+                self._stop_safely()
 
     def _store_output(self, name: str, status: Status) -> None:
         """Store the result in the variable ``name``, and flag the change if the value is a new object."""
@@ -318,6 +315,7 @@ class Leaf(HaltableNode):
             if problem:
                 return self.fail(f"{self.label}: {problem}")
         self.result = self._started_at = None
+        self.moved_parts, self._moved_late = frozenset(), False
         if (self.drives or self.takes_over) and not self.run.preempt(None if self.drives else self.takes_over):
             return self.wait("waiting for another behaviour to stop")
         if self._prepares:

@@ -70,6 +70,7 @@ class RunState:
     - ``tick_time``: time at which the clock is frozen during a tick, else None
     - ``last_tick_at``: time of the tick before, None in the first
     - ``variables_changed``: set when variables may have changed; the reporter clears it
+    - ``is_held``: true while the mission is paused, so that nothing may move between two ticks
     - ``dead_reckoned``: set when a motion has succeeded by dead reckoning
 
     For observers in other threads, on the ``wall`` clock (the run's own, unless that is simulated): ``heartbeat_at`` is
@@ -96,6 +97,7 @@ class RunState:
         self.overrun: tuple[Leaf, int, float] | None = None
         self.overrun_failure: tuple[str, float] | None = None
         self.variables_changed = True
+        self.is_held = False
         self.dead_reckoned = False
         self.tick_time: float | None = None
         self.last_tick_at: float | None = None

@@ -19,8 +19,7 @@ from behaviours.node import Node
 from behaviours.py_trees_leaf import WrappedInstance
 from behaviours.robot import Robot, hold_still
 from behaviours.run import RunState, log
-from drivers.api import Reflexes
-from drivers.api.kinds import SOUND_KINDS
+from drivers.api import Reflexes, ignore
 from drivers.clock import SystemClock
 from drivers.errors import BadRequest
 from missions.control.control import ControlSocket
@@ -28,7 +27,7 @@ from missions.control.holders import WITHOUT_STOP
 from missions.executive.build import build
 from missions.executive.executive import Executive, Result
 from missions.executive.guard import BaseGuard
-from missions.executive.proxied_robot import with_proxies
+from missions.executive.proxied_robot import robot_for, with_proxies
 from missions.executive.state import state_of
 from missions.executive.stream import EventStream, Listener
 from missions.executive.tick_cache import TickCache
@@ -64,7 +63,6 @@ class Mission:
         self._executive = executive
         self._missing_parts = missing_parts
         self._runner, self._opening = runner, opening
-        self._still = False
         self._opened = ExitStack()
         self._open = runner is None
 
@@ -104,10 +102,10 @@ class Mission:
         if self._executive.stopping:  # by the control socket, as what follows
             self.halt()
             return self.status
-        if (paused := self._executive.paused) and not self._still:
-            self._executive.run.safe_stop(self.root.claims - SOUND_KINDS)
-        self._still = paused
-        return self.status if self._still else self._executive.tick()
+        if self._executive.paused:
+            self._executive.keep_still()
+            return self.status
+        return self._executive.tick()
 
     def halt(self) -> bool:
         """Stop all running leaves. Returns False while a leaf needs more ticks to stop; then call it again."""
@@ -174,7 +172,7 @@ def load(
     base = asking.base_part
     guard = None if base is None else BaseGuard(base, Reflexes(), run, stream)
     run.variables.update(state_of(asking, run, guard))
-    root = build(plan, run, lambda node: asking.with_named_parts(getattr(node, "named_parts", {})))
+    root = build(plan, run, lambda node: robot_for(node, asking, ignore))
     executive = Executive(root, run, stream, mission=plan.mission, guard=guard, cache=answers)
     return Mission(executive, missing_parts=(plan.tree.needs | plan.tree.claims) - parts.parts - parts.capabilities)
 

@@ -96,6 +96,11 @@ class Joints(Device, Protocol):
         """
         ...
 
+    @command("before", releases=True)
+    def rest(self) -> None:
+        """Hold or relax all joints, as the robot file sets. Safe from any state, more than once."""
+        ...
+
     @command("before", converters={"joints": tuple}, releases=True)
     def relax(self, joints: Collection[str] | None = None) -> None:
         """Switch the torque of the named joints (None: all) off. Safe from any state, and raises as ``hold``."""

@@ -306,6 +306,12 @@ class Executive:
         """
         self._change_mode(RunModeEvent.HOLD if held else RunModeEvent.RELEASE)
 
+    def keep_still(self) -> None:
+        """Stop the actuators of a paused mission once, until its next tick. A pause does not interrupt a sentence."""
+        if not self.run.is_held:
+            self.run.is_held = True
+            self.run.safe_stop(self.root.claims - SOUND_KINDS)
+
     def step(self) -> None:
         """Tick once while paused; no effect while held."""
         if self._mode is not RunMode.HELD:
@@ -333,17 +339,13 @@ class Executive:
     def loop(self) -> Result:
         """Tick until the tree ends or ``stop`` is called, then halt; return the result. Does not raise."""
         due = self.run.now()
-        held = False
         while self._stop_reason is None:
             mode = self._mode
             step = mode is not RunMode.HELD and not self._steps.empty()
             if step:
                 self._steps.get()
             elif mode is not RunMode.TICKING:
-                if not held:
-                    # A pause does not interrupt a sentence.
-                    self.run.safe_stop(self.root.claims - SOUND_KINDS)
-                    held = True
+                self.keep_still()
                 self.idle(STOP_POLL_INTERVAL)
                 self._woken.clear()
                 due = self.run.now()
@@ -352,7 +354,6 @@ class Executive:
                 if self._alarm:
                     self._change_mode(RunModeEvent.ALARM)
                 continue
-            held = False
             self._woken.clear()
             if self.tick(late=max(0.0, self.run.now() - due)) is not Status.RUNNING:
                 break
@@ -380,6 +381,7 @@ class Executive:
     def tick(self, *, late: float = 0.0) -> Status:
         """Tick the tree once, ``late`` seconds after it was due, and return its status."""
         self.run.tick += 1
+        self.run.is_held = False
         self._tick_snapshot.begin()
         try:
             self._run_guard()

@@ -18,6 +18,7 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
+from behaviours.haltable_node import HaltableNode
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import RunState
@@ -26,7 +27,16 @@ from drivers.api.driver import resolve_name
 from drivers.api.kinds import KINDS
 from drivers.api.marks import commands
 from drivers.errors import DeviceFault
-from missions.executive.proxy import CommandReport, Permit, Proxy, for_leaf, make_proxy, permit_all, refuse_motion
+from missions.executive.proxy import (
+    Check,
+    CommandReport,
+    Permit,
+    Proxy,
+    for_leaf,
+    make_proxy,
+    permit_all,
+    refuse_motion,
+)
 from missions.executive.tick_cache import PartCache, TickCache
 
 # Proxy of a voice, written by hand: utterances are identified by numbers, from 1.
@@ -210,13 +220,20 @@ def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) ->
 def robot_for(node: Node, robot: Robot, report: CommandReport) -> Robot:
     """Return ``robot`` for the leaf ``node``: its commands are passed to ``report`` with the leaf's name.
 
-    The parts of ``robot`` must have proxies. To a leaf within a ``finally``, they refuse every command that could move
-    something, from any thread and at any time.
+    The parts of ``robot`` must have proxies. They refuse every command that could move something, from any thread, of a
+    leaf that does not run (see ``HaltableNode.may_move``), and always of a leaf within a ``finally``.
     """
     source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
-    permit = refuse_motion if node.in_finally else None
+
+    def checks(part: str) -> Sequence[Check]:
+        if node.in_finally:
+            return (refuse_motion,)
+        return (node.permit_motion, partial(node.on_motion, part)) if isinstance(node, HaltableNode) else ()
+
     proxies = {
-        part: for_leaf(proxy, source, report, permit) for part, kind, proxy in _iter_parts(robot) if command_names(kind)
+        part: for_leaf(proxy, source, report, *checks(part))
+        for part, kind, proxy in _iter_parts(robot)
+        if command_names(kind)
     }
     return _replace_parts(robot, proxies).with_named_parts(getattr(node, "named_parts", {}))
 

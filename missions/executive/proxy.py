@@ -13,9 +13,9 @@ from inspect import Parameter
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from drivers.api import Base, Device, Head, Joints, Sounds
+from drivers.api import Base, Device, Head, Joints, Sounds, ignore
 from drivers.api.marks import CommandMark, ProtocolMember, members
-from drivers.errors import DeviceFault, DriverError
+from drivers.errors import BadRequest, DeviceFault, DriverError
 from missions.executive.tick_cache import PartCache, TickCache
 
 CommandValues = Mapping[str, object]
@@ -81,46 +81,52 @@ T = TypeVar("T")
 Permit = Callable[[Device], None]
 """Called with a device before a command moves it; raises DeviceFault to refuse."""
 
+Check = Callable[[], object]
+"""Called before or after a command of a leaf; raises DeviceFault to refuse."""
+
 
 def permit_all(device: Device) -> None:
     """Permit every command."""
     del device
 
 
-def refuse_motion(device: Device) -> None:
-    """Raise DeviceFault for every command that moves a device: the ``Permit`` of leaves within a ``finally``."""
-    del device
+def refuse_motion() -> None:
+    """Raise DeviceFault: the check of leaves within a ``finally`` before every command that moves a device."""
     raise DeviceFault("kept still: a behaviour in 'finally' must not move anything", hint="do it before the end")
 
 
 class Proxy:
     """Base class of all proxies: the ``device``, its cached values in ``memo``, and the report of its commands.
 
+    ``_may_move`` and ``_moved`` are the checks of the leaf, see ``for_leaf``.
     ``_tell`` is the function that reports commands; None in a proxy that is not used by a leaf.
     """
 
     CAPABILITIES: tuple[str, ...] = ()
-    __slots__ = ("_answers", "_device", "_memo", "_permit", "_source", "_tell")
+    __slots__ = ("_answers", "_device", "_may_move", "_memo", "_moved", "_permit", "_source", "_tell")
 
     def __init__(self, device: Any, memo: PartCache, permit: Permit = permit_all) -> None:
         self._device, self._memo, self._permit = device, memo, permit
         self._answers = memo.tick_cache
         self._source = ""
+        self._may_move: Check = ignore
+        self._moved: Check = ignore
         self._tell: CommandReport | None = None
 
-    def for_leaf(self, source: str, tell: CommandReport, permit: Permit | None = None) -> Any:
+    def for_leaf(self, source: str, tell: CommandReport, may_move: Check = ignore, moved: Check = ignore) -> Any:
         """Return a copy of this proxy for one leaf, with the same device and cache.
 
-        ``tell`` is called with each command and ``source``, the leaf's name. A ``permit`` replaces that of this proxy.
+        ``tell`` is called with each command and ``source``, the leaf's name. ``may_move`` is called before each command
+        that moves the device or makes it limp, and raises DeviceFault to refuse; ``moved`` is called after each that
+        has moved it.
         """
         leafs = object.__new__(type(self))
         for name in (*Proxy.__slots__, *self.__slots__):
             setattr(leafs, name, getattr(self, name))
-        leafs._source, leafs._tell = source, tell
-        leafs._permit = self._permit if permit is None else permit
+        leafs._source, leafs._tell, leafs._may_move, leafs._moved = source, tell, may_move, moved
         for name in self.CAPABILITIES:
             if (found := getattr(self, name)) is not None:
-                setattr(leafs, name, found.for_leaf(source, tell, permit))
+                setattr(leafs, name, found.for_leaf(source, tell, may_move, moved))
         return leafs
 
 
@@ -152,14 +158,11 @@ def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
     return reading
 
 
-def for_leaf(part: T, source: str, tell: CommandReport, permit: Permit | None = None) -> T:
-    """Return the proxy of a part for one leaf; ``tell`` is called with its commands and ``source``, the leaf's name.
-
-    A ``permit`` replaces that of ``part``.
-    """
+def for_leaf(part: T, source: str, tell: CommandReport, may_move: Check = ignore, moved: Check = ignore) -> T:
+    """Return the proxy of a part for one leaf; see ``Proxy.for_leaf``."""
     if not isinstance(part, Proxy):
         raise TypeError(f"{part!r} is not a proxy: call `with_proxies` first")
-    leafs: T = part.for_leaf(source, tell, permit)
+    leafs: T = part.for_leaf(source, tell, may_move, moved)
     return leafs
 
 
@@ -183,6 +186,7 @@ class _ProxySourceWriter:
         self._members = members(protocol).values()
         self.names: dict[str, Any] = {
             "Proxy": Proxy,
+            "BadRequest": BadRequest,
             "DriverError": DriverError,
             "partial": partial,
             "__name__": __name__,
@@ -219,6 +223,9 @@ class _ProxySourceWriter:
                     yield f"        return self._memo.query({member.name!r}, ask, {_parameter_names(member)})"
                 case "direct method":
                     yield self._signature(member)
+                    yield "        if self._tell is not None:"
+                    why = f"a behaviour cannot {member.name} a part of its robot"
+                    yield f"            raise BadRequest(self.name + {': ' + why!r})"
                     yield f"        return self._device.{member.name}({_call_arguments(member)})"
                 case "command" if member.command is not None:
                     yield self._signature(member)
@@ -240,7 +247,10 @@ class _ProxySourceWriter:
         name, arguments = member.name, f"({_parameter_names(member)}{',' if member.parameters else ''})"
         yield "tell = self._tell"
         yield from self._convert_arguments(member, command)
-        yield from self._refusal_lines(member, command)
+        # A command that the leaf must not give is neither reported nor recorded, as a rerun does not give it either.
+        if command.releases:
+            yield "self._may_move()"
+        yield from self._if_moving(member, command, "self._may_move()")
         if command.report == "before":
             yield from self._report_lines(member, command, arguments, "None")
         yield "memo, answers = self._memo, self._answers"
@@ -248,33 +258,25 @@ class _ProxySourceWriter:
         yield "if answers.errors:"
         yield "    answers.clear_errors(memo.part)"
         yield "try:"
-        if command.moves is True:
-            yield "    self._permit(self._device)"
-        elif command.moves:
-            yield f"    if {self._bind_name(f'{name}_moves', command.moves)}({_parameter_names(member)}):"
-            yield "        self._permit(self._device)"
+        yield from (f"    {line}" for line in self._if_moving(member, command, "self._permit(self._device)"))
         yield f"    result = self._device.{name}({_call_arguments(member)})"
         yield "except DriverError as error:"
         yield f"    memo.record({name!r}, {arguments}, error)"
         yield "    raise"
+        yield from self._if_moving(member, command, "self._moved()")
         yield "if answers.is_recording and answers.is_open:"
         yield f"    answers.answers.append((memo.part, {name!r}, {arguments}, result))"
         if command.report == "after":
             yield from self._report_lines(member, command, arguments, "result")
         yield "return result"
 
-    def _refusal_lines(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
-        """Yield the source lines that refuse a command of a leaf within ``finally``.
-
-        A refused command is neither reported nor recorded, so that a rerun of the record makes the same decisions.
-        """
-        if command.moves or command.releases:
-            refused = f"self._permit is {self._bind_name('refuse_motion', refuse_motion)}"
-            if callable(command.moves):
-                moves = self._bind_name(f"{member.name}_moves", command.moves)
-                refused += f" and {moves}({_parameter_names(member)})"
-            yield f"if {refused}:"
-            yield "    self._permit(self._device)"
+    def _if_moving(self, member: ProtocolMember, command: CommandMark, line: str) -> Iterator[str]:
+        """Yield ``line`` of the source for a command that moves the device, under a condition if only some do."""
+        if callable(command.moves):
+            yield f"if {self._bind_name(f'{member.name}_moves', command.moves)}({_parameter_names(member)}):"
+            line = f"    {line}"
+        if command.moves:
+            yield line
 
     def _convert_arguments(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
         """Yield the source lines that convert the arguments of a command before use."""

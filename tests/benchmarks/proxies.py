@@ -18,7 +18,9 @@ from typing import Any
 
 from behaviours.basics import Succeed
 from behaviours.robot import Robot
+from behaviours.run import RunState
 from drivers.api import ZERO_VELOCITY, BaseLimits, Coupling, HeadPose, Mood, Velocity
+from drivers.clock import ManualClock
 from missions.executive.proxied_robot import with_proxies
 from missions.executive.tick_cache import TickCache
 from tests.benchmarks.table import Row, compare
@@ -99,6 +101,8 @@ class Asker:
         parts: Any = {f"{part}_part": device for part, device in self.devices.items()}
         leaf = Succeed("succeed")
         leaf.kind = leaf.key = "succeed"
+        leaf.run = RunState(ManualClock())
+        leaf.run.active_leaf = leaf
         self.robot = robot_for()(leaf, with_proxies(Robot(**parts), self._answers, lambda _: None), lambda *_: None)
 
     def calls(self) -> Iterator[tuple[str, Callable[[], object], Callable[[], object]]]:

@@ -1,7 +1,9 @@
 """Every way in which a run ends: ``finally`` runs, and moves nothing, even if its leaf claims nothing and tries all."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -9,28 +11,36 @@ from py_trees.common import Status
 
 from behaviours.basics import Log
 from behaviours.catalogue import LEAVES as LEAVES_OF_OURS
-from behaviours.leaf import RUNNING, SUCCESS, Leaf
-from behaviours.robot import Robot
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.robot import Robot, hold_still
 from behaviours.run import RunState
 from config.diagnostics import SourceText
 from drivers.api import HeadPose, Lamp, Velocity
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
+from missions.api import load
 from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
-from missions.executive.executive import HALT_TIMEOUT
+from missions.executive.executive import HALT_TIMEOUT, Executive
 from missions.executive.guard import BaseGuard
 from missions.executive.proxied_robot import robot_for, with_proxies
+from missions.executive.stream import EventStream
 from missions.executive.tick_cache import TickCache
 from missions.language.document import check_plan
 from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS, CaseRunner
 from missions.plugins.testing.recorders.bench import LeafTestBench
+from missions.plugins.testing.recorders.senses import HOLD, STOP
 from missions.request import RunRequest
 from missions.runner import Runner
 from tests.missions.testing.playing import cases
 
 LEAVES = '''
+import time
+from contextlib import suppress
+from threading import Thread
+
 from py_trees.behaviour import Behaviour
+from py_trees.blackboard import Blackboard
 from py_trees.common import Status
 
 from behaviours.leaf import Leaf, log
@@ -94,6 +104,49 @@ class Blocker(Leaf):
         if self.elapsed > 1.0:
             self.run.overrun = self, self.run.tick, self.run.wall.now() - 3.0
         return Status.RUNNING
+
+
+class Lender(Leaf):
+    """Drive, and leave the robot on the blackboard."""
+
+    tag = "lender"
+    needs = drives = frozenset({"base"})
+
+    def update(self):
+        Blackboard.set("robot", self.robot)
+        self.robot.base.drive(Velocity(0.3, 0.0))
+        return Status.RUNNING
+
+
+class Borrower(Behaviour):
+    """A behaviour of py_trees alone, which moves the robot that it finds on the blackboard."""
+
+    def update(self):
+        try:
+            Blackboard.get("robot").base.drive(Velocity(0.3, 0.0))
+            log.warning("moved")
+        except DriverError as error:
+            log.warning("refused: %s", error)
+        return Status.RUNNING
+
+
+class Threader(Leaf):
+    """Drive from a thread, for ever."""
+
+    tag = "threader"
+    needs = drives = frozenset({"base"})
+    thread = None
+
+    def initialise(self):
+        if self.thread is None:
+            self.thread = Thread(target=self.move, daemon=True)
+            self.thread.start()
+
+    def move(self):
+        while True:
+            with suppress(DriverError):
+                self.robot.base.drive(Velocity(0.3, 0.0))
+            time.sleep(0.02)
 
 
 class Plain(Behaviour):
@@ -289,9 +342,138 @@ def test_cleanup_that_claims_an_actuator_is_not_run() -> None:
     assert (statuses, Quiet.ticks) == ([RUNNING, SUCCESS], 0)
 
 
+@pytest.mark.parametrize("way", ["failure", "interrupted", "stop", "end while paused"])
+def test_cleanup_cannot_move_by_the_robot_of_another_leaf(way: str, tmp_path: Path) -> None:
+    node = "lender: , timeout: 2 s" if way == "failure" else "lender: "
+    ended = ending(tmp_path, node, ENDINGS[way][1], "{borrower: }")
+    assert "refused: kept still: lender (line 2) is not ticked now" in ended.lines
+    assert "moved" not in ended.lines
+    assert (ended.motions, ended.violations) == ([], [])
+
+
+class Goer(Leaf):
+    """Claim nothing, and move the arm at each call that is listed in ``moves_at``."""
+
+    tag = "goer"
+    moves_at: Collection[str] = ()
+    ends_with = RUNNING
+
+    def go(self, call: str) -> None:
+        if call in self.moves_at:
+            self.robot.arm.move({"elbow": 1.0})
+
+    def initialise(self) -> None:
+        self.go("initialise")
+
+    def update(self) -> Status:
+        self.go("update")
+        return self.ends_with
+
+
+class StowingGoer(Goer):
+    """As its base class, with a terminate of its own, and a second tick to stop."""
+
+    tag = "stowing_goer"
+
+    def terminate(self, new_status: Status) -> None:
+        del new_status
+        self.go("terminate")
+
+    def halting(self) -> bool:
+        self.go("halting")
+        return self._halt_tick == self.run.tick - 1
+
+
 @pytest.fixture
 def bench() -> LeafTestBench:
     return LeafTestBench()
+
+
+def put(bench: LeafTestBench, leaf: Leaf) -> None:
+    """Give ``leaf`` a robot of proxies, as a mission would, and stop its parts in the run's ``safe_stop``."""
+    bench.put(leaf)
+    leaf.robot = robot_for(leaf, with_proxies(bench.robot, TickCache()), lambda *_: None)
+    bench.run.safe_stop = partial(hold_still, bench.robot)
+
+
+@pytest.mark.parametrize("kind", [Goer, StowingGoer])
+@pytest.mark.parametrize("call", ["initialise", "update", "terminate", "halting"])
+@pytest.mark.parametrize("ends_with", [RUNNING, FAILURE, SUCCESS])
+def test_what_a_leaf_has_moved_without_a_claim_is_stopped_unless_it_succeeded_or_stops_it_itself(
+    kind: type[Goer], call: str, ends_with: Status, bench: LeafTestBench
+) -> None:
+    leaf = kind("goer")
+    put(bench, leaf)
+    leaf.moves_at, leaf.ends_with = {call}, ends_with
+    bench.tick(leaf)
+    while not bench.halt(leaf):
+        pass
+    moved, late = bool(bench.arm.commands), call in ("terminate", "halting")
+    stopped = moved and ends_with is not SUCCESS and (late or kind is Goer)
+    assert (bench.arm.commands[-1:] == [HOLD]) is stopped
+
+
+def test_pause_holds_what_a_leaf_has_moved_without_a_claim(bench: LeafTestBench) -> None:
+    leaf = Goer("goer")
+    put(bench, leaf)
+    leaf.moves_at = {"initialise"}
+    executive = Executive(leaf, bench.run, EventStream())
+    executive.tick()
+    executive.keep_still()
+    executive.keep_still()
+    assert bench.arm.commands == [{"elbow": 1.0}, HOLD]
+
+
+def test_leaf_moves_from_elsewhere_only_while_it_is_ticked(bench: LeafTestBench) -> None:
+    leaf = Goer("goer")
+    put(bench, leaf)
+
+    def is_refused() -> bool:
+        sent = len(bench.arm.commands)
+        with suppress(DeviceFault):
+            leaf.robot.arm.move({"elbow": 1.0})
+        return len(bench.arm.commands) == sent
+
+    assert is_refused()
+    bench.tick(leaf)
+    assert not is_refused()
+    bench.run.is_held = True
+    assert is_refused()
+    bench.run.is_held = False
+    bench.run.tick += 2  # in which it was not ticked
+    assert is_refused()
+    bench.tick(leaf)
+    assert not is_refused()
+    bench.halt(leaf)
+    assert is_refused()
+
+
+def test_motion_that_begins_while_its_leaf_is_halted_is_stopped(bench: LeafTestBench) -> None:
+    leaf, move = Goer("goer"), bench.arm.move
+    put(bench, leaf)
+    bench.tick(leaf)
+
+    def halt_first(goals: Mapping[str, float], *, speeds: Mapping[str, float] | None = None) -> Mapping[str, float]:
+        bench.halt(leaf)
+        return move(goals, speeds=speeds)
+
+    bench.arm.move = halt_first  # type: ignore[method-assign]
+    with pytest.raises(DeviceFault, match="kept still: goer is not ticked now"):
+        leaf.robot.arm.move({"elbow": 1.0})
+    assert bench.arm.commands[-1] == HOLD
+
+
+def test_cleanup_of_a_mission_on_a_robot_of_the_caller_moves_nothing(tmp_path: Path, bench: LeafTestBench) -> None:
+    write_files(tmp_path)
+    path = tmp_path / "m.yaml"
+    path.write_text("mission: m\ntree: {drive: 1 m, finally: {liar: }, halt_limit: 100 ms}\n", encoding="utf-8")
+    with load(path, robot=bench.robot) as mission:
+        mission.tick()
+        mission.halt()
+    sent = bench.base.commands
+    assert sent.index(STOP) > 0
+    assert not [command for command in sent[sent.index(STOP) :] if command != STOP]
+    assert (bench.head.commands, bench.arm.commands) == ([], [])
 
 
 def test_robot_of_a_cleanup_refuses_every_command_but_stops_lights_and_voice(bench: LeafTestBench) -> None:
@@ -305,6 +487,7 @@ def test_robot_of_a_cleanup_refuses_every_command_but_stops_lights_and_voice(ben
         lambda: robot.head.look(HeadPose(0.1, 0.0)),
         lambda: robot.arm.move({"elbow": 0.1}),
         robot.arm.relax,
+        robot.arm.rest,
         robot.arm.recover,
         lambda: robot.ros2.publish("/cmd_vel", "geometry_msgs/msg/Twist", "{}"),
         lambda: robot.ros2.call("/move", "std_srvs/srv/Trigger", "{}"),

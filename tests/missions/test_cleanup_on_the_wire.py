@@ -109,6 +109,28 @@ def test_wire_carries_no_motion_after_the_end_of_a_node_with_a_cleanup(
     wait_until(lambda: witness.driving.speed == 0.0, seconds=0.4)
 
 
+THREAD = """mission: far
+tree:
+  sequence:
+    - threader:
+      for: 4 s
+      finally: {wait: 1 s}
+    - wait: 1 s
+  timeout: LIMIT
+"""
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("way", ["end of the leaf", "SIGTERM"])
+def test_thread_of_a_leaf_moves_nothing_after_the_end_of_the_leaf(way: str, start: Callable[..., Witness]) -> None:
+    witness = start("60 s", THREAD)
+    wait_until(lambda: any(witness.commands))
+    code = witness.driving.process.end(*([signal.SIGTERM] if way == "SIGTERM" else []))
+    assert code == (130 if way == "SIGTERM" else 0)
+    assert witness.motions_after_stop == []
+    wait_until(lambda: witness.driving.speed == 0.0, seconds=0.4)
+
+
 @pytest.mark.real_time
 def test_killed_run_starts_no_cleanup(start: Callable[[str], Witness]) -> None:
     witness = start("60 s")

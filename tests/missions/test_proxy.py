@@ -16,7 +16,7 @@ from drivers.api.marks import command, fixed, members
 from drivers.clock import ManualClock
 from drivers.errors import BadRequest, DeviceFault
 from missions.executive.proxied_robot import PART_FIELDS, command_names, resolve_protocol, robot_for, with_proxies
-from missions.executive.proxy import for_leaf, make_proxy
+from missions.executive.proxy import CommandReport, Permit, for_leaf, make_proxy, permit_all
 from missions.executive.tick_cache import TickCache
 from missions.plugins.records.replay.recorded_answers import RecordedAnswers
 from missions.plugins.records.replay.rerun import recorded_robot
@@ -167,12 +167,18 @@ def test_leaf_drives_and_stops_only_as_the_mission() -> None:
     assert stops == [Source.MISSION, Source.MISSION, None]
 
 
+def leafs_robot(bench: LeafTestBench, report: CommandReport = lambda *_: None, permit: Permit = permit_all) -> Robot:
+    """Return the robot of a leaf that is ticked now."""
+    leaf = bench.run.active_leaf = bench.put(Say("say"))
+    return robot_for(leaf, with_proxies(bench.robot, TickCache(), permit), report)
+
+
 def test_leaf_cannot_enable_a_part_stopped_by_a_person() -> None:
     def stopped(_: Device) -> None:
         raise DeviceFault("stopped by Ann")
 
     bench = LeafTestBench()
-    leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache(), stopped), lambda *_: None)
+    leafs = leafs_robot(bench, permit=stopped)
     bench.base.latch("it has fallen")
     with pytest.raises(DeviceFault, match="Ann"):
         leafs.base.enable()
@@ -181,7 +187,7 @@ def test_leaf_cannot_enable_a_part_stopped_by_a_person() -> None:
 
 def test_commands_are_reported_in_terms_of_missions() -> None:
     bench, told = LeafTestBench(), list[Mapping[str, object]]()
-    leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache()), lambda *each: told.append(each[2]))
+    leafs = leafs_robot(bench, lambda *each: told.append(each[2]))
     leafs.base.drive(Velocity(0.12345, 0.0))
     bench.base.drive = lambda *_, **__: Velocity(0.1, 0.0)  # type: ignore[method-assign]
     leafs.base.drive(Velocity(0.2, 0.0))
@@ -223,7 +229,7 @@ def test_proxy_adds_one_call_between_leaf_and_driver() -> None:
         return velocity
 
     bench.base.drive = drive  # type: ignore[method-assign]
-    leafs = robot_for(bench.put(Say("say")), with_proxies(bench.robot, TickCache()), lambda *_: None)
+    leafs = leafs_robot(bench)
     drive(Velocity(0.1, 0.0))
     leafs.base.drive(Velocity(0.1, 0.0))
     assert depths[1] - depths[0] == 1
@@ -251,10 +257,13 @@ def test_sample_reads_sampled_queries_and_constants_once(deck: Deck, answers: Ti
         assert [what for _, what, _, _ in answers.take_answers()] == expected
 
 
-def test_opening_and_closing_are_the_devices_own(deck: Deck, answers: TickCache) -> None:
+def test_opening_and_closing_are_the_devices_own_and_not_for_leaves(deck: Deck, answers: TickCache) -> None:
     winch, leafs = winches(deck, answers)
     winch.open()
-    leafs.close()
+    winch.close()
+    for call in (leafs.open, leafs.close):
+        with pytest.raises(BadRequest, match=r"winch: a behaviour cannot (open|close) a part of its robot"):
+            call()
     assert (deck.row, answers.take_answers()) == (["open", "close"], [])
 
 
