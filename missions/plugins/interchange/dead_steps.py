@@ -11,6 +11,7 @@ from missions.language.nodes import (
     COMPOSITES,
     FAILURE,
     FOR_EACH,
+    IN_TURN,
     MISSION,
     MODIFIERS,
     RESTART,
@@ -81,7 +82,9 @@ class DeadStepRemover:
             return self._ends_of_mission(step)
         composite = COMPOSITES.get(step.word)
         if composite is not None and composite.order == "in order":
-            return self._clean_in_order(step, composite.passes)
+            if IN_TURN not in step.keys:
+                return self._clean_in_order(step, composite.passes)
+            return _all_or_one([self.clean(child) for child in step.branches], composite.passes)
         below = [self.clean(child) for child in step.branches]
         if step.word in SWITCHES:
             return frozenset().union(*below) | (frozenset() if step.has_all_cases else {FAILURE})

@@ -5,7 +5,7 @@ from missions.plugins.interchange.context import TreeContext, quantity, set_step
 from missions.plugins.interchange.foreign_trees import PortModel, ports_of
 from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
-from missions.plugins.interchange.node_kinds import KINDS
+from missions.plugins.interchange.node_kinds import KINDS, NAV2_ERRORS
 from missions.plugins.interchange.port_directions import model_of
 from missions.plugins.interchange.report import DIFFERS, LOST, STUB
 from missions.plugins.interchange.scripts import TEXT, Formula
@@ -165,6 +165,8 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> Miss
     guessed = [f"'{port}'" for port in outputs if port in tree.project.guessed_outputs.get(kind, ())]
     ports = f", whose output seems to be {' and '.join(guessed)}" if guessed else ""
     tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'{ports}", kind)
+    for port in sorted(set(outputs).intersection(NAV2_ERRORS)):
+        tree.report.add(DIFFERS, element, f"'{port}' is stored after a success only; a failure has a reason", kind)
     return with_outputs(step, outputs, several=len(stub.outputs) > 1, fresh=tree.names.fresh)
 
 

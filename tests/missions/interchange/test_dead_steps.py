@@ -28,3 +28,10 @@ def test_the_ends_of_a_subtree_count(tmp_path: Path) -> None:
 def test_a_timeout_of_a_condition_is_left_out(tmp_path: Path) -> None:
     body = '<Timeout msec="100"><Condition ID="Holding"/></Timeout>'
     assert tree_lines(import_text(tmp_path, tree_text(body))) == ["holding"]
+
+
+def test_each_child_of_a_round_robin_is_reached(tmp_path: Path) -> None:
+    body = '<RoundRobin><Wait wait_duration="5"/><Spin spin_dist="1"/></RoundRobin>'
+    imported = import_text(tmp_path, tree_text(body))
+    assert tree_lines(imported) == ["selector:", "  - wait: 5 s", "  - turn: 1 rad", "in_turn: true"]
+    assert not remarks(imported, LOST)
