@@ -43,6 +43,7 @@ from missions.language.operators import (
     member_at,
     out_of_range,
 )
+from missions.language.synonyms import function_hint
 
 if TYPE_CHECKING:
     from missions.language.inference import ExpressionLocation
@@ -245,10 +246,13 @@ def _check_allowed(node: ast.expr) -> None:  # noqa: C901, PLR0912 - an arm for 
             parts = [value, place]
         case ast.Call(func=ast.Name(id=name) as function, args=parts, keywords=[]):
             if name not in FUNCTIONS:
-                known = ", ".join(FUNCTIONS)
-                raise _NotAllowedError(f"{quoted_value(name)} cannot be called; the functions are {known}", function)
+                hint = function_hint(name) or f"the functions are {', '.join(FUNCTIONS)}"
+                raise _NotAllowedError(f"{quoted_value(name)} cannot be called; {hint}", function)
             if name == RANDOM and len(parts) != RANDOM_ARGUMENTS:
                 raise _NotAllowedError(f"'{RANDOM}' needs two values, such as {RANDOM}(1 s, 3 s)", node)
+        case ast.Set(elts=[part]):
+            _check_allowed(part)
+            raise _NotAllowedError(f"write one pair of braces around {quoted_value(ast.unparse(part))}", node)
         case _:
             raise _NotAllowedError(f"{quoted_value(ast.unparse(node))} is not allowed in an expression", node)
     for part in parts:

@@ -7,7 +7,7 @@ from collections.abc import Mapping as Named
 from dataclasses import field, replace
 
 from behaviours.leaf import REQUIRED, Argument, Leaf
-from config.diagnostics import Diagnostic, Mark, SourceText, add_diagnostic, suggest_from
+from config.diagnostics import Diagnostic, Mark, SourceText, add_diagnostic, suggest_from, suggest_key
 from config.units import (
     NUMBER,
     UNITS,
@@ -271,7 +271,9 @@ def _read_entry(context: CheckContext, label: str, node: Node) -> ParamType | No
         return None
     for key, value in node.entries:
         if key.text not in ENTRY_KEYS:
-            context.fault(key.mark, f"{label} has no key '{key.text}'", suggest_from(key.text, ENTRY_KEYS))
+            context.fault(
+                key.mark, f"{label} has no key '{key.text}'", suggest_key(key.text, ENTRY_KEYS, PARAM_KEY_SYNONYMS)
+            )
             return None
         if key.text == "type" and isinstance(value, Scalar) and value.text == LIST_TYPE:
             context.fault(value.mark, f"{label} cannot be a list: a mapping in a list holds plain values")
@@ -421,6 +423,15 @@ def _is_returns(beside: Mapping, key: str) -> bool:
     return key == "returns" and beside.get(MISSION) is not None
 
 
+PARAM_KEY_SYNONYMS = {
+    "default": "value",
+    "help": "description desc doc",
+    "choices": "options enum values",
+    "low": "min minimum",
+    "high": "max maximum",
+}
+"""Keys of a param, each with the words of other systems."""
+
 PARAM_KEYS = ("default", "type", "of", "choices", "help", *BOUNDS)
 """Keys of a param in its long form."""
 
@@ -490,7 +501,9 @@ def _read_long(context: CheckContext, name: str, node: Mapping) -> Param | None:
     what = f"param '{name}'"
     for key, _ in node.entries:
         if key.text not in PARAM_KEYS:
-            context.fault(key.mark, f"{what} has no key '{key.text}'", suggest_from(key.text, PARAM_KEYS))
+            context.fault(
+                key.mark, f"{what} has no key '{key.text}'", suggest_key(key.text, PARAM_KEYS, PARAM_KEY_SYNONYMS)
+            )
     found, default_node, text = read_type(context, what, node), node.get("default"), node.get("help")
     if found is None:
         return None

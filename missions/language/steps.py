@@ -41,7 +41,7 @@ from missions.language.parallel_counts import COUNTS, arguments_as_written, entr
 from missions.language.param_types import Param, find_setters
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step
 from missions.language.switches import read_switch
-from missions.language.synonyms import SYNONYMS, UNMATCHED_HINT, unknown_word_hint
+from missions.language.synonyms import SYNONYMS, UNMATCHED_HINT, explained_hint, unknown_word_hint
 
 # Sub-missions: finds the file, reads it with its params, and passes on its results.
 
@@ -478,7 +478,7 @@ def _report_unknown_word(
         hint = "align each '- ' of a list in one column"
     elif key.text == "do" and not {"while", "until"}.isdisjoint(beside):
         hint = UNMATCHED_HINT  # the user means a loop; neither word is one
-    elif found is not None and found[1] in words:
+    elif found is not None and found[1] in words and not explained_hint(key.text):
         hint = f"write '{found[1]}: {found[2]}', with a colon and a space"
     else:
         hint = _mission_hint(context, key.text, alone=alone)

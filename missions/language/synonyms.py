@@ -16,7 +16,8 @@ from config.diagnostics import alternatives_text, did_you_mean, is_one_edit, key
 from drivers.api.kinds import ACTUATOR_KINDS
 
 SYNONYMS: Mapping[str, str] = {
-    "wait": "sleep pause sleep_for delay_for idle timer wait_seconds",
+    "wait": "sleep pause sleep_for delay_for idle timer wait_seconds wait_state wait_for_duration elapsed "
+    "wait_blackboard_time nav_delay condition_delay loiter_time nav_loiter_time",
     "drive: 1 m": "forward forwards move move_forward go_forward drive_forward drive_straight drive_distance "
     "drive_on_heading move_steps",
     "drive: -1 m": "back backward backwards move_back move_backward go_backward drive_backward back_up reverse",
@@ -24,14 +25,14 @@ SYNONYMS: Mapping[str, str] = {
     "turn_anticlockwise turn_counterclockwise",
     "turn: 180 deg": "turn_around turn_back",
     "turn: -90 deg": "turn_right rotate_right turn_clockwise",
-    "go_to": "goto move_to drive_to goto_pose go_to_pose",
+    "go_to": "goto move_to drive_to goto_pose go_to_pose nav_waypoint",
     "velocity": "cmd_vel twist set_velocity set_speed",
     "stop": "brake freeze stop_base stop_robot stop_moving",
     "look": "move_head turn_head set_head point_head look_forward",
     "look: 30 deg": "look_left head_left",
     "look: -30 deg": "look_right head_right",
     "nod": "nod_head",
-    "move_joints": "move_joint set_joint set_joints move_servo set_servo move_arm",
+    "move_joints": "move_joint set_joint set_joints move_servo set_servo do_set_servo move_arm",
     "track_face": "follow_face track_person",
     "follow_person": "follow",
     "dock": "go_charge return_to_dock",
@@ -44,54 +45,59 @@ SYNONYMS: Mapping[str, str] = {
     "face_seen": "see_face sees_face face_visible is_face_visible face_detected is_face_seen detect_face person_seen "
     "see_person is_seen see",
     "object_seen": "see_object object_detected detect_object object_visible is_seen see",
-    "log": "print echo debug info printf puts",
-    "set": "let assign set_blackboard set_variable set_blackboard_variable var variable script",
+    "log": "print echo debug info printf puts log_state log_message log_key_state console_print",
+    "set: {NAME: VALUE}": "let assign set_blackboard set_variable set_blackboard_variable set_var "
+    "set_fact var variable script",
     "find_face": "look_for_face search_face",
     "succeed": "pass noop nop always_success success do_nothing",
+    "set: {NAME: []}": "reset_vector clear_list delete_all_of_list",
     "set: {NAME: null}": "unset_blackboard unset_blackboard_variable unset",
     "fail": "always_failure failure raise error",
     "pretend": "mock stub status_queue",
-    "sequence": "and seq do steps block series serial begin all_of async_sequence mem_sequence memory_sequence",
+    "sequence": "and seq do steps block tasks series serial begin all_of async_sequence mem_sequence memory_sequence "
+    "serial_star",
     "selector": "or fallback priority any any_of either alternatives sel first_of async_fallback fallback_star "
-    "mem_priority mem_selector",
-    "reactive_sequence": "reactive_and",
-    "reactive_selector": "reactive_or reactive_fallback reactive_priority priority",
-    "for_each": "foreach each for_all map loop_over iterate for_in with_items",
-    "parallel": "simultaneously together concurrent concurrently at_once",
-    "switch": "then else elif else_if otherwise case choose match select cond if_else if_then_else",
+    "mem_priority mem_selector selector_star",
+    "reactive_sequence": "reactive_and dynamic_sequence",
+    "reactive_selector": "reactive_or reactive_fallback reactive_priority priority dynamic_selector selector_evaluator",
+    "parallel": "simultaneously together concurrent concurrently at_once parallel_ff parallel_first_fail",
+    "race": "parallel_complete",
+    "switch": "then else elif else_if otherwise case match select cond if_else if_then_else decision_state",
     "reactive_switch": "while_do_else",
-    "mission": "call run subtree sub_tree sub_tree_plus submission include import uses execute start_mission name",
-    "repeat": "loop times again cycle num_cycles num_success",
-    "repeat: forever": "forever repeat_forever keep_running_until_failure loop_forever success_is_running "
-    "repeat_until_failure",
-    "retry": "retries attempts retry_until_successful retry_until_succesful retry_node tries max_attempts num_attempts "
+    "mission": "call run subtree sub_tree sub_tree_plus submission include import uses execute start_mission name "
+    "run_behavior run_behavior_dynamic behavior_tree_reference execute_behavior include_tasks import_tasks "
+    "include_role link_call",
+    "repeat": "loop times again cycle num_cycles num_success repeater",
+    "repeat: forever": "forever repeat_forever keep_running_until_failure loop_forever success_is_running",
+    "retry": "attempts retry_until_successful retry_until_succesful retry_node tries max_attempts num_attempts "
     "num_failures",
     "recover": "recover_with on_retry before_retry between_attempts recovery_action recovery_behavior",
     "finally": "on_exit exit_action on_end at_end at_exit cleanup clean_up teardown tear_down finalize finalise ensure "
-    "defer run_always",
+    "defer run_always always _post _on_halted",
     "retry: forever": "retry_forever retry_until_success repeat_until_success failure_is_running",
     "if": "when only_if",
-    "if: not (...)": "unless if_not not_if skip_if",
+    "if: not (...)": "unless if_not not_if skip_if _skip_if",
     "while": "as_long_as during eternal_guard guard",
     "while: not (...)": "while_not",
     "until: not (...)": "until_not",
     "timeout": "time_limit timeout_after max_time deadline timeout_seconds",
     "invert: true": "not inverter negate invert_result",
-    "on_failure: succeed": "ignore_errors ignore_failure force_success continue_on_error failure_is_success",
-    "on_success: fail": "force_failure success_is_failure",
+    "on_failure: succeed": "ignore_errors ignore_failure force_success continue_on_error failure_is_success "
+    "no_fail return_success always_succeed ignore_unreachable",
+    "on_success: fail": "force_failure success_is_failure return_failure always_fail",
     "once: true": "only_once one_shot oneshot",
     "on_running: fail": "running_is_failure",
     "on_running: succeed": "running_is_success",
     "delay": "after start_after",
     "success_count": "success_threshold",
     "failure_count": "failure_threshold",
-    "as": "register store save result output into keep_as",
+    "as": "register store save result output into keep_as response_variable",
     "with": "params args arguments inputs parameters",
-    "name": "title label",
+    "name": "title label alias",
     "summary": "description desc about help",
-    "params": "parameters args arguments inputs vars variables",
-    "tree": "root steps behavior_tree behaviour_tree behavior behaviour nodes do main actions",
-    "returns": "outputs output return results",
+    "params": "parameters args arguments inputs vars variables env fields input_keys",
+    "tree": "root steps tasks behavior_tree behaviour_tree behavior behaviour nodes do main actions",
+    "returns": "outputs output return results output_keys",
     "properties": "promises asserts",
 }
 """Our words, each with the words of other systems that mean the same.
@@ -102,43 +108,130 @@ used if it is the tag of an existing leaf. Behaviours that move are suggested on
 
 PHRASE_SYNONYMS: Mapping[str, str] = {
     "{check: CONDITION}": "condition check_condition script_condition check_blackboard_variable_value "
-    "check_blackboard_variable_exists check_blackboard assert require verify",
-    "{sequence: [{check: CONDITION}, BEHAVIOUR]}": "precondition",
+    "check_blackboard_variable_exists check_blackboard assert require verify "
+    "conditions check_var check_condition_state check_agent_property compare_blackboard_variables",
+    "{sequence: [{check: CONDITION}, BEHAVIOUR]}": "precondition blackboard_condition blackboard_based_condition "
+    "compare_bbentries conditional_evaluator",
+    "{check: not (CONDITION)}": "error_if throw_if",
+    "{check: battery.low}": "is_battery_low battery_low",
+    "{sequence: [{check: not (CONDITION)}, BEHAVIOUR]}": "_failure_if",
+    "{selector: [{check: CONDITION}, BEHAVIOUR]}": "_success_if",
+    "{sequence: [BEHAVIOUR, {set: {NAME: VALUE}}]}": "_on_success",
+    "{selector: [BEHAVIOUR, {sequence: [{set: {NAME: VALUE}}, fail]}]}": "_on_failure",
+    "{sequence: [BEHAVIOUR, {check: CONDITION}], repeat: forever, on_failure: succeed}": "do_while",
+    "{sequence: [BEHAVIOUR, {check: not (CONDITION)}], repeat: forever, on_failure: succeed}": "do_until",
+    "{sequence: [{selector: [BEHAVIOUR, succeed]}, {check: CONDITION}], repeat: forever, on_failure: succeed}": ""
+    "conditional_loop",
     "{wait_until: CONDITION}": "wait_for_condition wait_for_blackboard_variable wait_for_blackboard_variable_value "
-    "wait_template",
+    "wait_template condition_state",
     "{wait_for: BEHAVIOUR}": "wait_for_success until_success",
     "{BEHAVIOUR: , for: 10 s}": "run_for for_duration",
+    "{for_each: {in: LIST, as: NAME, do: BEHAVIOUR}}": "foreach each for_all map loop_over iterate iterator for_in "
+    "with_items with_dict loop_var loop_control loop_int loop_bool",
+    "{wait_until: false}": "runner running always_running wait_forever nav_loiter_unlim",
+    "{sequence: [{wait_until: not (CONDITION)}, {wait_until: CONDITION}]}": "wait_for_trigger",
+    "{sequence: [BEHAVIOUR, {check: not (CONDITION)}]}": "failed_when",
+    "{parallel: [BEHAVIOUR, BEHAVIOUR], success_count: 1, failure_count: all}": "parallel_selector "
+    "parallel_first_success",
+    "{race: [BEHAVIOUR, {sequence: [BACKGROUND], on_failure: succeed, repeat: forever}]}": "simple_parallel",
+    "{reactive_switch: {on: UTILITY >= UTILITY, cases: {true: {selector: [BEHAVIOUR, OTHER]}, false: {selector: "
+    "[OTHER, BEHAVIOUR]}}}}": "utility_selector",
     "{parallel: [BEHAVIOUR, BEHAVIOUR], wait_for_all: true}": "parallel_all concurrence",
     "{reactive_switch: {on: EXPRESSION, cases: {VALUE: BEHAVIOUR}, default: BEHAVIOUR}}": "switch2 switch3 switch4 "
     "switch5 switch6",
     "{selector: [BEHAVIOUR, OTHERWISE]}": "try rescue except catch",
     "{selector: [BEHAVIOUR, {sequence: [OTHERWISE, fail]}]}": "try_catch",
     "{selector: [BEHAVIOUR, {sequence: [RECOVERY, BEHAVIOUR]}]}": "recovery recovery_node",
-    "{selector: [BEHAVIOUR, BEHAVIOUR], in_turn: true}": "round_robin round_robin_node",
+    "{selector: [BEHAVIOUR, BEHAVIOUR], in_turn: true}": "round_robin round_robin_node round_robin_star",
     "{random_selector: [BEHAVIOUR, BEHAVIOUR], weights: [2, 1]}": "probability_selector weighted_selector "
     "weighted_random_selector weighted_choice",
-    '{sequence: [{check: "random(0, 1) < 0.5"}, BEHAVIOUR]}': "probability chance random_chance",
+    '{sequence: [{check: "random(0, 1) < 0.5"}, BEHAVIOUR]}': "probability chance random_chance "
+    "probabilistic_behaviour",
     'wait: "${random(1 s, 3 s)}"': "random_wait wait_random random_sleep",
-    'set: {LIST: "${LIST + [ITEM]}"}': "append add_to_list push_back list_append",
-    "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for",
+    'set: {LIST: "${LIST + [ITEM]}"}': "append add_to_list add_to_vector push_back list_append",
+    'set: {NAME: "${EXPRESSION}"}': "calculation_state calculate compute evaluate_expression",
+    'set: {NAME: "${NAME + 1}"}': "increment change_by change_variable_by",
+    'set: {NAME: "${NAME - 1}"}': "decrement",
+    'set: {NAME: "${LIST[0]}"}': "get_element_of_vector",
+    'set: {NAME: "${len(LIST)}"}': "get_size_of_vector",
+    "{sequence: [{wait_until: NAME}, {set: {NAME: false}}, BEHAVIOUR], repeat: forever}": "when_i_receive",
+    "{sequence: [{say: QUESTION}, {listen: {for: [ANSWER, ANSWER]}}]}": "ask ask_for ask_and_wait get_text_from_user",
 }
 """Forms of several words, each with the words of other systems; capitals are placeholders."""
+
+SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 
 EXPLAINED_SYNONYMS: Mapping[str, str] = {
     "write 'navigate' (a ROS 2 robot with Nav2) or 'go_to' (straight, by odometry)": "navigate_to navigate_to_pose "
     "nav_to move_base",
     "write 'stop', which stops only the base; to end a node early, put 'while', 'until' or 'timeout' beside it": "halt",
-    "write 'ros2_action' (a ROS 2 robot), or 'navigate' for Nav2": "action_client ros_action simple_action_client",
-    "write 'set: {NAME: VALUE}' as a step; variables need no declaration": "blackboard",
+    "write 'ros2_action' (a ROS 2 robot), or 'navigate' for Nav2": "action_client ros_action simple_action_client "
+    "simple_action_state",
+    "write 'set: {NAME: VALUE}' as a step; variables need no declaration": "blackboard userdata",
     "write 'wait: TIME' as a step, or 'delay: TIME' beside a behaviour": "delay",
+    "write 'timeout: N min' beside a behaviour": "timeout_minutes",
+    f"{SWITCH_HINT}; further conditions go into a switch after 'false:', and 'succeed' does nothing there": "choose",
+    "write 'race', which ends with the first child that ends, or 'random_selector', which runs one of them": "one_of",
+    "write 'race', which ends with the first child that ends; or {parallel: [BEHAVIOUR, BEHAVIOUR], success_count: 1, "
+    "failure_count: all}, which ends with the first success": "parallel_fs",
+    "write 'set: {NAME: true}', and 'set: {NAME: false}' at the start; 'wait_until: NAME' waits for it, "
+    "'check: NAME' tests it": "emit send_event fire_event broadcast has_received_event",
+    "write {sequence: [{check: not (CONDITION)}, BEHAVIOUR], repeat: forever, on_failure: succeed}; for a loop that "
+    "runs once at least, put the check behind the behaviour": "repeat_until",
+    "write 'repeat: forever' beside a behaviour; it ends with the failure, and 'on_failure: succeed' below it makes "
+    "that a success": "repeat_until_failure until_failure until_fail",
+    "write 'selector', with the most important child first": "priority_selector",
+    "write 'retry: N' beside a behaviour, where N is the number of retries plus 1": "retries",
+    "write 'succeed' as a step; around a behaviour, 'on_failure: succeed' beside it": "succeeder",
+    "write 'fail' as a step; around a behaviour, 'on_success: fail' beside it": "failer",
+    "write 'if: CONDITION' and 'until: not (CONDITION)' beside a behaviour": "_while",
+    "write 'mission': each mission has its own variables": "new_scope",
+    "write 'with' beside 'mission' for its params, and 'returns' for its results": "remapping",
+    "write 'repeat: N' beside a sequence of the repeated steps, where N is the number of jumps plus 1": "do_jump",
+    "write 'call_service' (a ROS 2 robot)": "service_state",
+    "write 'succeed' or 'fail'": "finish_with_result",
+    "write 'while: CONDITION' beside a behaviour to end it (Self), 'reactive_selector' to let an earlier child take "
+    "over (Lower Priority)": "observer_aborts conditional_abort conditional_aborts",
+    "write 'if: false' beside a behaviour that must not run": "enabled",
+    "write 'for: TIME' in place of 'timeout: TIME'": "continue_on_timeout",
+    "leave it out: it does nothing": "pass_through",
+    "write a comment after '#'": "comment",
+    "write 'sequence', which goes on after a success, or 'selector', which goes on after a failure": "transitions "
+    "state_machine outcome_map outcomes",
+    "write {sequence: [BEHAVIOUR, BEHAVIOUR]}: a behaviour starts after the success of the one before it": "needs",
+    "write 'wait_for_all: true' beside 'parallel' for false; true is the default": "fail_fast",
+    "write {for_each: {in: LIST, as: NAME, do: BEHAVIOUR}}, which takes the members one after another": "matrix "
+    "strategy",
+    "start the mission with 'mission run' or as a task (docs/tasks.md); within it, write {wait_until: CONDITION}": ""
+    "trigger triggers when_flag_clicked inject",
+    "write a leaf in Python: see docs/leaves.md": "cbstate call_method run_process",
+    "write 'call_service' (a ROS 2 robot); or, to run a behaviour regularly beside another, {race: [BEHAVIOUR, "
+    "{sequence: [SERVICE, {wait: 500 ms}], on_failure: succeed, repeat: forever}]}": "service",
+    "write 'set: {runs: 0}' at the start, and here {sequence: [{check: runs < N}, BEHAVIOUR, {set: {runs: \"${runs + "
+    '1}"}}]}': "run_limit",
+    "write 'set: {runs: 0}' at the start, and here {sequence: [{check: runs < N}, {set: {runs: \"${runs + 1}\"}}, "
+    "BEHAVIOUR]}": "limiter",
+    "write 'set: {done: false}' before the composite around it, and here {selector: [{sequence: [{check: not done}, "
+    "BEHAVIOUR, {set: {done: true}}]}, {sequence: [{set: {done: true}}, fail]}]}": "single_trigger",
 }
 """Hints that need an explanation, each with the words of other systems."""
 
+FUNCTION_SYNONYMS: Mapping[str, str] = {
+    "put the step under 'finally:' beside the steps before it": "always",
+    "write {selector: [BEHAVIOUR, {sequence: [OTHERWISE, fail]}]}, with the steps before it as BEHAVIOUR": "failure",
+    "leave it out: a sequence goes on after a success only": "success",
+    "write round(random(1, 7) // 1) for a whole number from 1 to 6": "pick_random randint random_int",
+    "write random(LOW, HIGH)": "rand uniform random_float",
+    "write 'ITEM in LIST'": "contains includes",
+    "write len(LIST)": "length size count",
+    "write 'VALUE // 1'": "floor",
+    "write 'wait: TIME' as a step": "elapsed",
+}
+"""Hints for functions of other systems, each with their names."""
+
 UNMATCHED_WORDS = (
     "sequence_with_memory sequence_star run_once throttle rate_limit rate_controller debounce distance_controller "
-    "speed_controller pipeline_sequence simple_parallel do_while do_until repeat_until until_fail "
-    "until_failure manual_selector status_to_blackboard "
-    "max_failures single_trigger pick_up_where_you_left_off"
+    "speed_controller pipeline_sequence manual_selector status_to_blackboard max_failures pick_up_where_you_left_off"
 )
 """Words of other systems without an equivalent; the docs page lists the nearest form and the differences."""
 
@@ -155,8 +248,6 @@ MIN_LONG_WORD = 8
 
 In a shorter word it makes another word: wander, wonder.
 """
-
-SWITCH_HINT = "write switch: {on: CONDITION, cases: {true: ..., false: ...}}"
 
 
 def unknown_word_hint(
@@ -192,6 +283,11 @@ def explained_hint(word: str) -> str:
     """Return the hint of ``EXPLAINED_SYNONYMS`` for a word; empty if there is none."""
     hints = (hint for hint, theirs in EXPLAINED_SYNONYMS.items() if to_snake_case(word) in theirs.split())
     return next(hints, "")
+
+
+def function_hint(word: str) -> str:
+    """Return what to write for a function of another system; empty if it is unknown."""
+    return next((hint for hint, theirs in FUNCTION_SYNONYMS.items() if to_snake_case(word) in theirs.split()), "")
 
 
 def _words_near(word: str, ours: Collection[str]) -> frozenset[str]:
