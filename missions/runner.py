@@ -99,7 +99,7 @@ class Runner:
             self._assemble_simulated(request) if request.simulation == "fast" else self._assemble_real(request)
         )
         self._context.sensor_timeout = self.config.sensor_timeout
-        self._context.safe_stop = self._robot.safe_stop
+        self._context.safe_stop = self._stop_safely
         self.watchdog = self._watchdog(SIMULATED_LIMITS if limits is None and request.simulation == "fast" else limits)
         robot = self._robot
         self.latch = StopLatch(
@@ -118,6 +118,11 @@ class Runner:
         """Whether a control socket serves this run, by which it can be stopped."""
         self._signals = SignalHandler(self._request_stop, with_socket=self._is_watched)
         self._lifeline = Lifeline(self._signals)
+
+    def _stop_safely(self, claims: frozenset[str]) -> None:
+        """Stop actuators for a leaf that did not, and report it."""
+        self._robot.safe_stop(claims)
+        self._tell.on_safe_stop(claims)
 
     def _end(self, time: float) -> None:
         """Stop a run that still runs at ``time`` (s); the reason of its result names the running leaves."""

@@ -2,7 +2,7 @@
 
 import logging
 import traceback
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from math import isfinite
 
@@ -59,6 +59,12 @@ class EventReporter:
             return
         self._commands[to] = source, values
         self._stream.emit(CommandSent(self._run.clock.now(), self._run.tick, to, source, values))
+
+    def on_safe_stop(self, parts: Collection[str]) -> None:
+        """Emit the stop of a base that a leaf had set in motion and that was stopped for it."""
+        source, values = self._commands.get("base", ("", {}))
+        if "base" in parts and source not in OVERRIDE_SOURCES and (values.get("linear") or values.get("angular")):
+            self.on_command("base", source, {"linear": 0.0, "angular": 0.0})
 
     def on_steering(self, steering: Steering) -> None:
         """Emit the velocity of the base if reflexes or a person decide it; leaves report their own commands.

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from behaviours.driving.motion import DriveLeaf
-from missions.executive.events import Ticked
+from missions.executive.events import CommandSent, Ticked
 from missions.plugins.testing.case_history import CaseHistory
 from missions.plugins.testing.case_runner import IN_PROCESS_LIMITS, CaseRunner
 from missions.plugins.testing.case_verdict import play
@@ -97,6 +97,35 @@ def test_base_that_drives_forever_is_stopped_at_the_timeout(tmp_path: Path) -> N
     expect = "{result: running, order: [base moves, drive succeeds, drive halts], base: stopped, faults: []}"
     verdict = played(tmp_path, mission, f"timeout: 4 s, expect: {expect}")
     assert seen(verdict) == []
+
+
+GO = """
+from py_trees.common import Status
+from behaviours.leaf import Leaf
+from drivers.api import Velocity
+
+class Go(Leaf):
+    "Drive, and leave the stop to the executive."
+
+    tag = "go"
+    needs = drives = frozenset({"base"})
+
+    def update(self) -> Status:
+        self.robot.base.drive(Velocity(0.1, 0.0))
+        return self.wait("going")
+"""
+
+
+def test_stop_of_a_leaf_without_terminate_is_an_event(tmp_path: Path) -> None:
+    (tmp_path / "behaviours").mkdir()
+    (tmp_path / "behaviours" / "go.py").write_text(GO, encoding="utf-8")
+    mission = "mission: m\ntree: {go: , for: 2 s}\n"
+    (case,) = cases(tmp_path, mission, "expect: {result: success, base: stopped, pose: {near: [20 cm, 0 m]}}")
+    runner = CaseRunner(case, IN_PROCESS_LIMITS)
+    runner.run()
+    sent = [event.values for event in runner.history.events if isinstance(event, CommandSent) and event.to == "base"]
+    assert sent == [{"linear": 0.1, "angular": 0.0}, {"linear": 0.0, "angular": 0.0}]
+    assert not seen(play(case, limits=IN_PROCESS_LIMITS))
 
 
 def test_case_is_reproducible_and_depends_on_its_seed(tmp_path: Path) -> None:
