@@ -1199,6 +1199,7 @@ def test_answer_to_failure_runs_the_step_after_a_failure_only() -> None:
 def test_answer_to_pick_random_draws_whole_numbers_between_both() -> None:
     form = re.search(r"write (.*) for a whole number", function_answer("pick_random(1, 6) == 1"))
     assert form is not None
-    step = f"{{set: {{seen: '${{seen + [{form[1]}]}}'}}, repeat: 200}}"
-    drawn = stored("set: {seen: []}", step, ticks=200)["seen"]
+    step = f"{{set: {{seen: '${{seen + [{form[1]}]}}'}}, repeat: 600}}"
+    drawn = stored("set: {seen: []}", step, ticks=600)["seen"]
     assert set(drawn) == {1, 2, 3, 4, 5, 6}
+    assert all(70 < drawn.count(number) < 130 for number in set(drawn))  # each in a sixth of the cases
