@@ -12,7 +12,7 @@ from missions.language.kinds import CONSTANTS, RESERVED_WORDS, STATE_KINDS
 from missions.language.nodes import COMPOSITES, FAILURE, FAILURE_NAME, FOR_EACH, MODIFIERS, SUCCESS, SWITCHES
 from missions.language.operators import FUNCTIONS
 from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTree, call_ports, normal_form
-from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim, identifier
 from missions.plugins.interchange.node_kinds import CONDITION_ATTRIBUTES, END_ATTRIBUTES
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT, ScriptError, parse_script
 from missions.plugins.interchange.xml_reader import Element
@@ -57,10 +57,10 @@ class VariableNames:
 
     def fresh(self, wish: str, first_number: int = 0) -> str:
         """Return a name that no variable of the mission has yet: ``wish``, or ``wish`` with a suffix such as ``_2``."""
-        plain = re.sub(r"\W", "_", wish)[:MAX_NAME_LENGTH] or "entry"
-        plain = plain if plain[0].isalpha() or plain[0] == "_" else f"entry_{plain}"
+        plain = identifier(wish)[:MAX_NAME_LENGTH] or "entry"
+        plain = plain if plain.isidentifier() else f"entry_{plain}"
         found, number = plain, first_number
-        while found in RESERVED or found in self._taken or not found.isidentifier():
+        while found in RESERVED or found in self._taken:
             number += 1
             found = f"{plain}_" if number == 1 else f"{plain}_{number}"
         self._taken.add(found)

@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from unicodedata import normalize
 
 from config.diagnostics import to_snake_case
 from config.units import parse_quantity
@@ -13,14 +14,20 @@ from config.yaml_writer import yaml_word
 MAX_FLOW_LENGTH = 96
 """Maximum characters of a mapping on one line, in braces; a longer mapping gets a line for each key."""
 
-MAX_WORD_LENGTH = 80
-"""Maximum characters of a mission's name, a leaf's tag or a variable that is made from a name of the other program."""
+MAX_WORD_BYTES = 80
+"""Maximum length in UTF-8 of a mission's name, a leaf's tag or a variable made from a name of the other program."""
+
+
+def identifier(text: str) -> str:
+    """Return a text in which each character that a name in Python cannot have is replaced by ``_``."""
+    return "".join(each if f"_{each}".isidentifier() else "_" for each in normalize("NFKC", text))
 
 
 def snake_word(text: str, default: str = "") -> str:
     """Return a name of the other program in snake case, as a word of missions; ``default`` if nothing is left of it."""
-    parted = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", "_", text)  # "GPSFix" and "CheckAPlan"
-    return re.sub(r"_+", "_", re.sub(r"\W", "_", to_snake_case(parted))).strip("_")[:MAX_WORD_LENGTH] or default
+    parted = re.sub(r"(?<=[A-Z])(?=[A-Z][a-z])", "_", identifier(text))  # "GPSFix" and "CheckAPlan"
+    word = re.sub(r"_+", "_", to_snake_case(parted)).strip("_")
+    return word.encode()[:MAX_WORD_BYTES].decode(errors="ignore") or default
 
 
 PLAIN_EXPRESSION = re.compile(r"[A-Za-z_(][^#:\n]*")

@@ -63,7 +63,7 @@ def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> Missi
     """
     mark = element.attributes.get(MARK, "")
     if mark:
-        writer = _MARKED.get(mark)
+        writer = _MARKED.get(mark) if element.children else None
         step = None if writer is None else writer(tree, element, skip_as)
         return None if step is None else _with_name(step, element)
     if REASON in element.attributes:
@@ -138,9 +138,10 @@ def _parallel(tree: TreeContext, element: Element, skip_as: SkipAs) -> MissionSt
         step.keys["wait_for_all"] = True
     counts = read_entries(f"{{{element.attributes.get(COUNTS, '')}}}")
     for key in ("success_count", "failure_count"):
-        text = element.attributes.get(key, flow_text(counts[key]) if key in counts else "")
-        if text:
-            step.keys[key] = "all" if text == "-1" else Verbatim(text)
+        if element.attributes.get(key):
+            step.keys[key] = "all" if element.attributes[key] == "-1" else Verbatim(_value(tree, element, key))
+        elif key in counts:
+            step.keys[key] = Verbatim(flow_text(counts[key]))
     return step
 
 

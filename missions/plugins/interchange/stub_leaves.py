@@ -5,15 +5,15 @@ A mission with stubs can be checked, shown and mocked. A stub refuses to run unt
 
 import json
 import keyword
-import re
 import textwrap
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from behaviours.leaf import Leaf
+from config.yaml_nodes import plain_value
 from missions.library.vocabulary import RESERVED_WORDS
 from missions.plugins.interchange.foreign_trees import PortModel
-from missions.plugins.interchange.mission_text import MAX_WORD_LENGTH, snake_word
+from missions.plugins.interchange.mission_text import MAX_WORD_BYTES, identifier, snake_word
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
 
 NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
@@ -74,13 +74,15 @@ class StubLeaf:
     @property
     def class_name(self) -> str:
         """Name of the leaf's Python class, made from its ID."""
-        words = re.sub(r"\W", "_", self.id)[:MAX_WORD_LENGTH]
-        name = "".join(part[:1].upper() + part[1:] for part in words.split("_") if part) or "Stub"
-        return f"Stub{name}" if name[0].isdigit() or keyword.iskeyword(name) or name in PYTHON_NAMES else name
+        words = identifier(self.id)[:MAX_WORD_BYTES].split("_")
+        name = "".join(part[:1].upper() + part[1:] for part in words) or "Stub"
+        return (
+            name if name.isidentifier() and not keyword.iskeyword(name) and name not in PYTHON_NAMES else f"Stub{name}"
+        )
 
 
-PYTHON_NAMES = ("Leaf", "Any", "Status", "Mapping")
-"""Names that the file with the stub classes imports, so that no class can have them."""
+PYTHON_NAMES = ("Leaf", "Any", "Status", "Mapping", "argument", "float", "bool", "str")
+"""Names that the file with the stub classes uses, so that no class and no argument can have them."""
 
 
 class StubTable:
@@ -150,7 +152,8 @@ def _class_text(stub: StubLeaf, name: str, file: str) -> str:
         helps = [port.help or output for output, port in stub.outputs.items()]
         lines.append(f"    output_doc = {_python_text('; '.join(map(_one_line, helps)))}")
         lines.append(f"    output_type = {_output_type(stub)}")
-    lines += [_argument_line(each, argument, stub) for each, argument in stub.arguments.items()]
+    attributes = set[str]()
+    lines += [_argument_line(each, argument, stub, attributes) for each, argument in stub.arguments.items()]
     lines += [
         "",
         "    def update(self) -> Status:",
@@ -169,12 +172,14 @@ def _output_type(stub: StubLeaf) -> str:
     return PYTHON_TYPES.get(kind_of_port(next(iter(stub.outputs.values()))) or "", "None")
 
 
-def _argument_line(name: str, argument: StubArgument, stub: StubLeaf) -> str:
-    attribute = re.sub(r"\W", "_", name)
+def _argument_line(name: str, argument: StubArgument, stub: StubLeaf, taken: set[str]) -> str:
+    """Return the line of an argument in the class of a stub; ``taken`` are the attributes of the lines before it."""
+    attribute = identifier(name)
     if not attribute.isidentifier() or attribute.startswith("_"):
         attribute = f"port_{attribute.lstrip('_')}"
-    if keyword.iskeyword(attribute) or hasattr(Leaf, attribute) or attribute in LEAF_ATTRIBUTES:
-        attribute = f"{attribute}_"
+    while attribute in RESERVED_ATTRIBUTES or attribute in taken:
+        attribute += "_"
+    taken.add(attribute)
     options = "" if attribute == name else f", name={_python_text(name)}"
     required = argument.port.default is None and len(argument.kinds) == stub.uses
     if not required:
@@ -187,8 +192,11 @@ def _argument_line(name: str, argument: StubArgument, stub: StubLeaf) -> str:
     )
 
 
-LEAF_ATTRIBUTES = ("name", "parent", "children", "status", "logger", "run", "robot", "scope", "reason", "key", "label")
-"""Attributes that every leaf object has, so that an argument needs another name in Python."""
+RESERVED_ATTRIBUTES = frozenset(
+    {*keyword.kwlist, *dir(Leaf), *PYTHON_NAMES}
+    | {"name", "parent", "children", "status", "logger", "run", "robot", "scope", "reason", "key", "label"}
+)
+"""Names that an argument cannot have in Python: those of every leaf object, and those that the file itself uses."""
 
 
 def _python_default(argument: StubArgument) -> str:
@@ -196,7 +204,8 @@ def _python_default(argument: StubArgument) -> str:
     if text is None:
         return "None"
     if argument.kind == NUMBER:
-        return text if re.fullmatch(r"-?\d+(\.\d+)?", text.strip()) else "None"
+        value = plain_value(text.strip())
+        return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else "None"
     if argument.kind == FLAG:
         return {"true": "True", "1": "True", "false": "False", "0": "False"}.get(text.strip().lower(), "None")
     return _python_text(text)

@@ -61,7 +61,7 @@ def port_value(text: str, *, is_text: bool) -> str:
     if is_pointer(text):
         return json.dumps(f"${{{text.strip()[1:-1].strip()}}}", ensure_ascii=False)
     is_word = isinstance(plain_value(text), str) and parse_quantity(text) is None
-    return yaml_word(text) if is_text or is_word else text
+    return yaml_word(text) if is_text or is_word else " ".join(text.split())
 
 
 def read_flow(text: str) -> Node:
