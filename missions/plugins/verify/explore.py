@@ -1,6 +1,6 @@
 """Breadth-first exploration of all states of a mission, so that the path to each state is a shortest one."""
 
-from collections import defaultdict, deque
+from collections import Counter, defaultdict, deque
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -15,14 +15,21 @@ from missions.language.nodes import MISSION, MODIFIERS
 from missions.plugins.verify.choices import Script
 from missions.plugins.verify.model import MissionModel, ModelState
 from missions.plugins.verify.rule_monitor import Violation
+from missions.plugins.verify.symbolic_time import Zone, includes
 from missions.plugins.verify.tick_merging import RunMergedError
 
 GOING, HALTING, RESTED = "going", "halting", "rested"
 """Kinds of a state: the run is ticked; it is halting; it is at rest after a halt."""
 
-MAX_TIMED_VARIANTS = 10
-"""Maximum number of states that differ only in their time bounds; further ones are merged by coarser bounds."""
+MAX_TIMED_VARIANTS = 5
+"""Maximum number of states that differ only in their time bounds, with exact bounds.
 
+Further ones get coarser bounds. They are merged with a state whose bounds allow all their timings, if there is one.
+"""
+
+
+MAX_DOUBTS = 20
+"""Maximum number of impossible runs to a fact, after which no further run to it is tested."""
 
 MAX_TRANSITIONS_PER_STATE = 40
 """Limit on transitions, as a multiple of the bound on states: many parallel leaves give each state many transitions."""
@@ -34,6 +41,7 @@ class ExploredState:
 
     ``kind`` is GOING, HALTING, RESTED, or "success" or "failure" for a run that has ended. ``state`` is None if no step
     follows. ``completes_round`` means that a step from here completes one repetition of a ``repeat: forever``.
+    ``is_exact`` is false if a state on the way, or this one, has coarser time bounds: then its run may be impossible.
     """
 
     kind: str
@@ -43,6 +51,7 @@ class ExploredState:
     depth: int
     live_leaves: frozenset[Leaf]
     happened: tuple[bool, ...]
+    is_exact: bool
     successors: set[int] = field(default_factory=set)
     completes_round: bool = False
 
@@ -60,10 +69,16 @@ class FirstViolation:
     halted: bool
 
 
+Step = tuple[int, Script, bool]
+"""Step of a run: the number of the state before it, its choices, and whether it is a halt."""
+
+
 class StateSpace:
     """Explored state space of a mission. ``open`` are the states that were not completely expanded.
 
-    The exploration ends at ``bound`` states, or when ``is_late`` returns true.
+    The exploration ends at ``bound`` states, or when ``is_late`` returns true. ``facts`` are true in some run: nodes
+    that are reached, nodes whose time is over, broken rules, and ends. ``doubtful`` counts how often a fact was only
+    found in a run whose times are impossible.
     """
 
     def __init__(self, model: MissionModel, bound: int, is_late: Callable[[], bool] = lambda: False) -> None:
@@ -73,10 +88,12 @@ class StateSpace:
         self._is_late = is_late
         self.places: list[ExploredState] = []
         self.violations: dict[str, FirstViolation] = {}
+        self.facts: set[object] = set()
+        self.doubtful: Counter[object] = Counter()
         self.transitions = 0
         self.open: set[int] = set()
         self._numbers: dict[object, int] = {}
-        self._timings: defaultdict[object, int] = defaultdict(int)
+        self._variants: defaultdict[object, list[int]] = defaultdict(list)
         self._frontier: deque[int] = deque()
 
     @property
@@ -118,28 +135,67 @@ class StateSpace:
     def _expand(self, number: int, *, halted: bool) -> None:
         """Take every possible step from the state with this number: all ticks, or all halts if ``halted``."""
         self.model.merger.start()
-        self._take_steps(number, halted=halted)
+        found = self._take_steps(number, halted=halted)
         self.model.merger.stop()
+        for script, facts, violations in found:
+            if all(fact in self.facts or self.doubtful[fact] >= MAX_DOUBTS for fact in facts):
+                continue
+            if self.is_possible(number, (number, script, halted)):
+                self.facts |= facts
+                for violation in violations:
+                    self.violations.setdefault(violation.rule, FirstViolation(violation, number, script, halted))
+            else:
+                self.doubtful.update(facts)
 
-    def _take_steps(self, number: int, *, halted: bool) -> None:
+    def _take_steps(self, number: int, *, halted: bool) -> list[tuple[Script, set[object], list[Violation]]]:
+        """Take the steps from a state; return the scripts that show new facts, with these facts and violations."""
+        watch, found = self.model.watch, []
         script: Script | None = ()
         while script is not None:
             if self._is_full():
                 self.open.add(number)
-                return
+                break
             self.transitions += 1
             try:
                 kind = self.step(number, script, halted=halted)
             except RunMergedError:
-                script = self.model.oracle.next_script()
-                continue
-            taken = self.model.oracle.script
-            for breach in self.model.watch.violations:
-                self.violations.setdefault(breach.rule, FirstViolation(breach, number, taken, halted))
-            place = self.places[number]
-            place.successors.add(self._add(kind, number, taken))
-            place.completes_round = place.completes_round or self.model.watch.completed_round
+                kind = ""
+            taken, facts = self.model.oracle.script, watch.facts
+            if kind:
+                facts |= {kind, *(violation.rule for violation in watch.violations)}
+                place = self.places[number]
+                place.successors.add(self._add(kind, number, taken))
+                place.completes_round = place.completes_round or watch.completed_round
+            if not facts <= self.facts:
+                found.append((taken, facts - self.facts, watch.violations))
             script = self.model.oracle.next_script()
+        return found
+
+    def is_possible(self, number: int, *then: Step) -> bool:
+        """Return whether a run can reach the state ``number``, and then take the steps ``then``.
+
+        The times of all its ticks are compared, since the bounds in a state may be coarser.
+        """
+        if self.places[number].is_exact:
+            return True
+        steps = [*self.steps_to(number), *then]
+        zone = Zone.of_ticks(len(steps))
+        ticks: list[int] = []
+        for tick, (before, script, halted) in enumerate(steps):
+            self.step(before, script, halted=halted)
+            ticks.append(tick)
+            for later, earlier, seconds, over in self.model.timing.decisions:
+                if not zone.add(ticks[later], ticks[earlier], seconds, over):
+                    return False
+            ticks = [ticks[place] for place in self.model.instants()]
+        return True
+
+    def steps_to(self, number: int) -> list[Step]:
+        """Return the steps on the path from the start to the state ``number``."""
+        return [
+            (before, self.places[after].script, is_halt_step(self.places[after]))
+            for before, after in pairwise(self.path_to(number))
+        ]
 
     def step(self, number: int, script: Script, *, halted: bool) -> str:
         """Take one step from a state with the choices of a script; return the kind of the state reached."""
@@ -167,20 +223,24 @@ class StateSpace:
         live, happened = frozenset(model.watch.live_leaves), model.watch.happened
         goes_on = kind in (GOING, HALTING)
         state = model.state() if goes_on else None
-        key: object = (kind, live, happened)
-        if state is not None:
-            key = (kind, state)
-            if key not in self._numbers:
-                timeless = (kind, state.rows, state.variables, state.happened, state.moving)
-                self._timings[timeless] += 1
-                if self._timings[timeless] > MAX_TIMED_VARIANTS:
-                    state = model.coarsen(state)
-                    key = (kind, state)
+        key: object = (kind, live, happened) if state is None else (kind, state)
         if key in self._numbers:
             return self._numbers[key]
         number = self._numbers[key] = len(self.places)
+        is_exact = number == 0 or self.places[predecessor].is_exact
+        if state is not None:
+            variants = self._variants[kind, state.rows, state.variables, state.happened, state.moving]
+            if len(variants) >= MAX_TIMED_VARIANTS:
+                state = model.coarsen(state)
+                for variant in variants:
+                    known = self.places[variant].state
+                    if known is not None and includes(known.times, state.times):
+                        self._numbers[key] = variant
+                        return variant
+                is_exact = False
+            variants.append(number)
         depth = self.places[predecessor].depth + 1 if number else 0
-        self.places.append(ExploredState(kind, state, predecessor, script, depth, live, happened))
+        self.places.append(ExploredState(kind, state, predecessor, script, depth, live, happened, is_exact))
         if goes_on:
             self._frontier.append(number)
         return number
@@ -249,22 +309,16 @@ RunTrace = tuple[TraceStep, ...]
 
 def trace_to(space: StateSpace, place: int) -> RunTrace:
     """Return a shortest trace from the start to the state number ``place``."""
-    way = space.path_to(place)
-    return tuple(
-        _replay_step(space, before, space.places[after].script, halted=is_halt_step(space.places[after]))
-        for before, after in pairwise(way)
-    )
+    return tuple(_replay_step(space, *step) for step in space.steps_to(place))
 
 
 def trace_to_violation(space: StateSpace, violation: FirstViolation) -> RunTrace:
     """Return the trace that ends with the step of a violation."""
-    return (
-        *trace_to(space, violation.place),
-        _replay_step(space, violation.place, violation.script, halted=violation.halted),
-    )
+    last = _replay_step(space, violation.place, violation.script, violation.halted)
+    return (*trace_to(space, violation.place), last)
 
 
-def _replay_step(space: StateSpace, before: int, script: Script, *, halted: bool) -> TraceStep:
+def _replay_step(space: StateSpace, before: int, script: Script, halted: bool) -> TraceStep:
     space.step(before, script, halted=halted)
     model = space.model
     choices = tuple(text for choice in model.oracle.choices if (text := str(choice)))

@@ -520,6 +520,10 @@ class MissionModel:
         times = self.timing.zone.advance(instants)
         return ModelState(rows, self._scopes.take(rows), self.watch.happened, self.watch.moving, times)
 
+    def instants(self) -> list[int]:
+        """Return the instants of the present state, in its order, as indices in the zone of the last step."""
+        return list(self._snapshots.take()[1])
+
     def restore(self, state: ModelState) -> None:
         """Restore a state, and begin a step from it."""
         self.timing.set(state.times)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from py_trees.common import Status
 
@@ -117,6 +117,12 @@ class Violation:
     node: Node
 
 
+class TimeOver(NamedTuple):
+    """Fact that the time of a node was over, so that it ended or halted."""
+
+    node: Node
+
+
 class Monitor(Protocol):
     """Monitor of one property along a run; ``happened`` is its only memory."""
 
@@ -147,9 +153,9 @@ class RuleMonitor:
     It needs two facts of the steps before: the memory of each property monitor (``happened``), and the actuators that a
     halted leaf has left ``moving``. ``rounds`` are the nodes under a ``repeat: forever``; if one of them succeeds,
     ``completed_round`` is set. ``timed_nodes`` are the nodes that wait for a time, each with the status that it has
-    when the time is over. ``expired`` are the timed nodes whose time was over in some run. ``reached`` are the nodes
-    that some run has started in a step in which all sensors reported. ``reads`` has, for each node, the variables that
-    must be set when it starts. ``stand_ins`` caches the stand-in classes.
+    when the time is over. ``facts`` are the nodes that the step has reached while all sensors reported, and a
+    TimeOver for each timed node whose time was over. ``reads`` has, for each node, the variables that must be set when
+    it starts. ``stand_ins`` caches the stand-in classes.
     """
 
     oracle: Oracle = field(default_factory=Oracle)
@@ -160,9 +166,8 @@ class RuleMonitor:
     moving: frozenset[str] = frozenset()
     violations: list[Violation] = field(default_factory=list)
     changes: list[tuple[Node, Status]] = field(default_factory=list)
-    reached: set[Node] = field(default_factory=set)
+    facts: set[object] = field(default_factory=set)
     reads: Mapping[Node, frozenset[str]] = field(default_factory=dict)
-    expired: set[Node] = field(default_factory=set)
     completed_round: bool = False
     stand_ins: "dict[object, type[StandIn]]" = field(default_factory=dict)
     _acting: "dict[StandIn, None]" = field(default_factory=dict)
@@ -176,6 +181,7 @@ class RuleMonitor:
         """Begin a step, given the memory of the monitors after the step before, and the actuators left moving."""
         self.moving = moving
         self.violations, self.changes, self.completed_round = [], [], False
+        self.facts = set()
         self._acting = dict.fromkeys(leaf for leaf in self.live_leaves if leaf.drives)
         for monitor, remembered in zip(self.monitors, happened, strict=True):
             monitor.happened = remembered
@@ -199,13 +205,13 @@ class RuleMonitor:
         if status is IDLE:
             return
         if self.oracle.all_sensors_report:
-            self.reached.add(node)
+            self.facts.add(node)
         if status is RUNNING:
             return
         if self.timed_nodes.get(node) is status and not (
             isinstance(node, ForModifier) and any(child.status is status for child in node.children)
         ):
-            self.expired.add(node)  # its time is over; it is not its child that has ended
+            self.facts.add(TimeOver(node))  # its time is over; it is not its child that has ended
         if status is FAILURE:
             if node in self.reads:
                 self._check_reads(node, reason)
@@ -228,7 +234,7 @@ class RuleMonitor:
     def on_start(self, leaf: "StandIn") -> None:
         """Handle the start of a leaf: check the rules and properties about starts."""
         if self.oracle.all_sensors_report:
-            self.reached.add(leaf)
+            self.facts.add(leaf)
         self.moving -= leaf.drives
         for other in [other for other in self._acting if other is not leaf]:
             if not other.is_acting:

@@ -40,6 +40,12 @@ class Zone:
     def __init__(self, rows: Iterable[Iterable[Bound]]) -> None:
         self.bounds = [list(row) for row in rows]
 
+    @classmethod
+    def of_ticks(cls, count: int) -> Self:
+        """Return the zone of all instants of a run with ``count`` ticks, each of them later than the one before."""
+        ticks = range(count)
+        return cls([ZERO_BOUND if i <= j else UNBOUNDED for j in ticks] for i in ticks)
+
     @property
     def now(self) -> int:
         """Index of the present instant, the last."""
@@ -59,6 +65,13 @@ class Zone:
             way = add_bounds(row[i], bound)
             for k, rest in enumerate(to_j):
                 row[k] = min(row[k], add_bounds(way, rest))
+
+    def add(self, later: int, earlier: int, seconds: float, over: bool) -> bool:
+        """Add the constraint that ``seconds`` have passed between two instants, or not; return whether that can be."""
+        i, j, bound = (earlier, later, (-seconds, 1)) if over else (later, earlier, (seconds, 0))
+        can = self.allows(i, j, bound)
+        self.constrain(i, j, bound)
+        return can
 
     def project(self, keep: Iterable[int]) -> Rows:
         """Return the bounds on the instants ``keep`` and now; other instants have no effect on them."""
@@ -100,8 +113,18 @@ def extrapolate(rows: Rows, seconds: Sequence[float]) -> Rows:
     return tuple(tuple(map(loose, row)) for row in rows)
 
 
+def includes(rows: Rows, others: Rows) -> bool:
+    """Return whether the zone ``rows`` allows every timing of the zone ``others``, of the same instants."""
+    pairs = zip(rows, others, strict=True)
+    return all(bound >= other for row, others_row in pairs for bound, other in zip(row, others_row, strict=True))
+
+
 class SymbolicClock:
-    """Clock of an exploration (a drivers.clock.Clock), with the zone of the present step: its bounds on instants."""
+    """Clock of an exploration (a drivers.clock.Clock), with the zone of the present step: its bounds on instants.
+
+    ``decisions`` are the comparisons in the step: the later and the earlier instant, seconds, and whether these have
+    passed between the two.
+    """
 
     def __init__(self, oracle: Oracle) -> None:
         self.oracle = oracle
@@ -110,6 +133,7 @@ class SymbolicClock:
     def set(self, rows: Rows) -> None:
         """Begin a step of the exploration with the zone ``rows``: known bounds on the time between two instants."""
         self.zone = Zone(rows)
+        self.decisions: list[tuple[int, int, float, bool]] = []
         self._now = Instant(self, self.zone.now)
 
     def now(self) -> float:
@@ -119,17 +143,13 @@ class SymbolicClock:
     def has_elapsed(self, later: int, earlier: int, seconds: float) -> bool:
         """Return whether ``seconds`` have passed between two instants: implied by the zone, otherwise a choice."""
         zone = self.zone
-        enough = (-seconds, 1)  # earlier - later <= -seconds
-        short = (seconds, 0)  # later - earlier < seconds
-        over = zone.allows(earlier, later, enough)
-        if over and zone.allows(later, earlier, short):
+        over = zone.allows(earlier, later, (-seconds, 1))
+        if over and zone.allows(later, earlier, (seconds, 0)):
             over = self.oracle.choose(
                 (False, True), lambda yes: f"{quantity_text(seconds, 'duration')} are over" if yes else ""
             )
-        if over:
-            zone.constrain(earlier, later, enough)
-        else:
-            zone.constrain(later, earlier, short)
+        zone.add(later, earlier, seconds, over)
+        self.decisions.append((later, earlier, seconds, over))
         return over
 
 

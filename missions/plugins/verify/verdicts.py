@@ -27,10 +27,19 @@ from missions.plugins.verify.explore import (
     trace_to_violation,
 )
 from missions.plugins.verify.model import MissionModel, steps_by_key
-from missions.plugins.verify.rule_monitor import EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET, PropertyMonitor
+from missions.plugins.verify.rule_monitor import (
+    EXCLUSIVE_ACTUATORS,
+    REST_AFTER_END,
+    VARIABLES_SET,
+    PropertyMonitor,
+    TimeOver,
+)
 from missions.plugins.verify.stand_ins import StandIn
 
 ENDS = ("success", "failure")
+
+MAX_CANDIDATES = 20
+"""Maximum number of states of which a verdict tests whether a run can reach them."""
 
 
 class RuleChecker:
@@ -72,11 +81,11 @@ class RuleChecker:
         rule = "it can end from every state"
         if rounds:
             rule = f"{rule}, or goes on with its 'repeat: forever'" if ends else "it runs until it is stopped"
-        trap = self._first_state_without((*ends, *rounds), lambda kind: kind == GOING)
+        trap, unproved = self._first_state_without((*ends, *rounds), lambda kind: kind == GOING)
         if trap is None:
             known = self._space.can_reach((*ends, *rounds))
             so_far = f"true of {len(known)} of {len(places)} states" if self._space.open else ""
-            return RuleVerdict(rule, self._unproved, so_far=so_far)
+            return RuleVerdict(rule, unproved, so_far=so_far)
         holder = self._node_without_end(self._bottom_component(trap))
         step = self._steps[holder.key]
         message = f"no end can be reached {'at all' if trap == 0 else 'any more'}: '{step.kind}' goes on for ever"
@@ -84,13 +93,13 @@ class RuleChecker:
         return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to(self._space, trap)),))
 
     def _check_reachability(self, rule: str) -> RuleVerdict:
-        reached = self._space.model.watch.reached
+        reached = self._space.facts
         missed = [
             node
             for node in self._space.model.nodes
             if node not in reached and (node.parent is None or node.parent in reached)
         ]
-        if not missed or not self._space.is_complete:
+        if not missed or not self._space.is_complete or any(node in self._space.doubtful for node in missed):
             return self._partial_verdict(rule, len(self._space.model.nodes), len(missed))
         return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
 
@@ -123,8 +132,9 @@ class RuleChecker:
         one = next(iter(watch.timed_nodes))
         rule = f"its {len(watch.timed_nodes)} waits and timeouts" if len(watch.timed_nodes) > 1 else f"its '{one.kind}'"
         rule = f"{rule} can be over"
-        missed = [node for node in watch.timed_nodes if node in watch.reached and node not in watch.expired]
-        if not missed or not self._space.is_complete:
+        facts, doubtful = self._space.facts, self._space.doubtful
+        missed = [node for node in watch.timed_nodes if node in facts and TimeOver(node) not in facts]
+        if not missed or not self._space.is_complete or any(TimeOver(node) in doubtful for node in missed):
             return [self._partial_verdict(rule, len(watch.timed_nodes), len(missed))]
         return [RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._never_over_diagnostic(node)) for node in missed))]
 
@@ -148,7 +158,7 @@ class RuleChecker:
     def _check_rest(self) -> RuleVerdict:
         rule = "after every halt and every end all is at rest"
         found = self._check_safety(REST_AFTER_END, rule)
-        stuck = self._first_state_without(
+        stuck, _ = self._first_state_without(
             (number for number, place in enumerate(self._space.places) if place.kind not in (GOING, HALTING)),
             lambda kind: kind == HALTING,
         )
@@ -185,9 +195,9 @@ class RuleChecker:
 
     def _check_can_end(self, monitor: PropertyMonitor) -> RuleVerdict:
         end = {"succeed": "success", "fail": "failure"}[monitor.promise.subject]
-        if any(place.kind == end for place in self._space.places):
+        if end in self._space.facts:
             return RuleVerdict(monitor.rule, PROVED)
-        if not self._space.is_complete:
+        if not self._space.is_complete or end in self._space.doubtful:
             return RuleVerdict(monitor.rule, UNDECIDED)
         fault = Diagnostic(self._plan.source, monitor.promise.mark, f"no run ends with {end}")
         return RuleVerdict(monitor.rule, REFUTED, (RuleFinding(fault),))
@@ -195,9 +205,9 @@ class RuleChecker:
     def _check_eventually(self, monitor: PropertyMonitor, good: list[bool]) -> RuleVerdict:
         places = self._space.places  # an end by a halt from outside does not count
         goals = (n for n, is_good in enumerate(good) if is_good and places[n].kind not in (HALTING, RESTED))
-        lost = self._first_state_without(goals, lambda kind: kind == GOING or kind in ENDS)
+        lost, unproved = self._first_state_without(goals, lambda kind: kind == GOING or kind in ENDS)
         if lost is None:
-            return RuleVerdict(monitor.rule, self._unproved)
+            return RuleVerdict(monitor.rule, unproved)
         what = (
             f"{monitor.promise.subject} does not run" if monitor.promise.form == "eventually" else "it goes on moving"
         )
@@ -208,7 +218,8 @@ class RuleChecker:
         """Return the verdict on a safety rule, which a single step can break."""
         found = self._space.violations.get(key)
         if found is None:
-            return RuleVerdict(rule, self._unproved, so_far=self._shallow)
+            outcome = UNDECIDED if key in self._space.doubtful else self._unproved
+            return RuleVerdict(rule, outcome, so_far=self._shallow)
         step = self._steps[found.violation.node.key]
         place: tuple[SourceText, Mark] = (step.source, step.mark) if mark is None else (self._plan.source, mark)
         fault = Diagnostic(*place, found.violation.message)
@@ -216,17 +227,19 @@ class RuleChecker:
 
     # --- where a run is lost ------------------------------------------------------------------------------------------
 
-    def _first_state_without(self, goals: Iterable[int], matters: Callable[[str], bool]) -> int | None:
-        """Return the number of the state nearest to the start from which no goal is reachable; None if there is none.
+    def _first_state_without(self, goals: Iterable[int], matters: Callable[[str], bool]) -> tuple[int | None, str]:
+        """Return the number of the state nearest to the start from which no goal is reachable, None if there is none.
 
         Only states are considered for whose kind ``matters`` is true. Unexplored states count as goals, since they
-        might lead to one.
+        might lead to one. If there is none, also return the outcome of the rule that all states lead to a goal.
         """
         if self._space.model.shuffler.is_sampled:
-            return None  # an unexplored order could lead there
+            return None, UNDECIDED  # an unexplored order could lead there
         can = self._space.can_reach((*goals, *self._space.open))
         places = enumerate(self._space.places)
-        return next((number for number, place in places if matters(place.kind) and number not in can), None)
+        lost = [number for number, place in places if matters(place.kind) and number not in can][:MAX_CANDIDATES]
+        first = next(filter(self._space.is_possible, lost), None)
+        return first, UNDECIDED if lost else self._unproved
 
     def _bottom_component(self, place: int) -> int:
         """Return a state reachable from ``place`` to which every run that leaves it can always return."""
@@ -303,4 +316,8 @@ def _describe_omissions(space: StateSpace, limit: float) -> str:
         )
         when = f"after {quantity_text(limit, 'duration')} " if space.out_of_time else ""
         return f"{when}{len(space.open)} of {len(space.places)} states were not fully explored; try {more}"
-    return "" if space.is_complete else "not every order of a random composite with many children was tried"
+    if not space.is_complete:
+        return "not every order of a random composite with many children was tried"
+    if space.doubtful.keys() <= space.facts:
+        return ""
+    return "too many combinations of times; some were merged, and led only to runs whose times are impossible"

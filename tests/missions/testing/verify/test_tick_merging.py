@@ -13,7 +13,7 @@ from missions.language.plan import Plan
 from missions.library.shipped import load_mission
 from missions.plugins.verify.explore import PROVED, StateSpace
 from missions.plugins.verify.model import MissionModel
-from missions.plugins.verify.rule_monitor import Violation
+from missions.plugins.verify.rule_monitor import TimeOver, Violation
 from missions.plugins.verify.tick_merging import TickMerger
 from missions.plugins.verify.verdicts import verify
 from tests.missions.testing.verify import test_against_brute_force as brute
@@ -30,7 +30,6 @@ def explored(plan: Plan) -> StateSpace:
 
 def found(space: StateSpace) -> Mapping[str, object]:
     """Return all that verdicts and traces are made of; nodes by their keys."""
-    watch = space.model.watch
     return {
         "states": [
             (place.kind, place.predecessor, place.script, place.successors, place.completes_round)
@@ -40,8 +39,9 @@ def found(space: StateSpace) -> Mapping[str, object]:
             rule: (message(first.violation), first.place, first.script, first.halted)
             for rule, first in space.violations.items()
         },
-        "reached": {node.key for node in watch.reached},
-        "expired": {node.key for node in watch.expired},
+        "facts": {
+            (fact.node.key,) if isinstance(fact, TimeOver) else getattr(fact, "key", fact) for fact in space.facts
+        },
     }
 
 

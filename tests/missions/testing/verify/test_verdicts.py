@@ -356,3 +356,26 @@ def test_silent_sensor_suspends_a_whole_reactive_composite() -> None:
     assert "1. the camera does not report -> " in report
     assert "reactive_sequence (line 4) suspended" in report
     assert "5 s are over" in report
+
+
+def many_times(limit: str) -> str:
+    """Return a tree with many orders of times, all of them with 21 s at least before ``say``."""
+    stages = ((1, 1.1, 1.3), (3, 3.2, 3.7), (5, 5.4, 6.1), (12, 12.5))
+    waits = [", ".join(f"{{wait: {seconds} s}}" for seconds in stage) for stage in stages]
+    steps = ", ".join(f"{{random_selector: [{each}]}}" for each in waits)
+    return f"sequence: [{steps}, {{say: Hi}}]\ntimeout: {limit}"
+
+
+def test_run_that_only_coarser_times_allow_is_not_shown() -> None:
+    report = explored(many_times("20 s"), "never: say after wait", "can: succeed")
+    found = outcomes(report)
+    assert found["never: say after wait"] == found["can: succeed"] == UNDECIDED
+    assert "each of its 18 nodes can be reached" in [v.rule for v in report.verdicts if v.outcome == UNDECIDED]
+    assert "whose times are impossible" in report.left_out
+
+
+def test_possible_run_among_many_times_is_shown() -> None:
+    report = explored(many_times("22 s"), "never: say after wait", "can: succeed")
+    found = outcomes(report)
+    assert (found["never: say after wait"], found["can: succeed"]) == (REFUTED, PROVED)
+    assert not report.left_out
