@@ -215,6 +215,7 @@ def _check(
         body.properties,
         body.if_interrupted,
         _unread_params(root, notes.read_names),
+        frozenset(notes.missing_params),
     )
 
 

@@ -174,6 +174,7 @@ class Plan:
 
     ``if_interrupted`` (``retry``, ``give_up``, or empty) says what to do when the mission, run as a task, was
     interrupted. ``unread_params`` are the places of params that no expression of the mission reads, by name.
+    ``missing_params`` are the params without a value: only the caller of the mission can set them.
     """
 
     mission: str
@@ -185,3 +186,4 @@ class Plan:
     properties: tuple[MissionProperty, ...] = ()
     if_interrupted: str = ""
     unread_params: Mapping[str, Mark] = field(default_factory=dict)
+    missing_params: frozenset[str] = frozenset()

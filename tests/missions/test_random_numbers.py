@@ -27,7 +27,7 @@ from missions.plugins.verify.explore import PROVED, REFUTED
 from missions.plugins.verify.random_bounds import truth_values
 from missions.request import RunRequest
 from tests.missions.records.replay.past import past_of
-from tests.missions.testing.verify.exploring import explored, outcome, plan_of
+from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of
 
 MISSION = """\
 mission: chance
@@ -158,6 +158,40 @@ def test_verify_knows_what_a_draw_cannot_be() -> None:
     tree = "sequence: [{say: a}, {drive: 1 m, if: 'random(1, 2) > 2.5'}]"
     found = [finding.fault.message for verdict in explored(tree).verdicts for finding in verdict.findings]
     assert found == ["'drive' is never reached"]
+
+
+@pytest.mark.parametrize(
+    ("tree", "fails"),
+    [
+        ("wait: '${random(1 s, 2 s)}'", False),
+        ("sequence: [{set: {t: '${random(1 s, 2 s)}'}}, {wait: '${t}'}]", False),
+        ("sequence: [{set: {t: '${random(1 s, 2 s)}'}}, {set: {t: '${2 * t + 1 s}'}}, {wait: '${t}'}]", False),
+        ("sequence: [{set: {low: 3 s}}, {wait: '${random(low, 2 * low)}'}]", False),
+        ("log: 'rolled ${round(random(1, 7) // 1)}'", False),
+        ("log: 'rolled ${1 / random(1, 7)}'", False),
+        ("wait: '${max(0 s, random(-1 s, 2 s))}'", False),
+        ("log: a, repeat: '${round(random(1, 3))}'", False),
+        ("check: 'random(n, 3) > 0'", False),
+        ("wait: '${random(-1 s, 2 s)}'", True),
+        ("sequence: [{set: {t: '${random(-1 s, 2 s)}'}}, {wait: '${t}'}]", True),
+        ("sequence: [{set: {t: '${random(1 s, 2 s)}'}}, {wait: '${t - 1.5 s}'}]", True),
+        ("log: 'rolled ${1 / random(-1, 7)}'", True),
+        ("log: 'rolled ${random(n, 1)}'", True),
+        ("log: a, repeat: '${round(random(-1, 3))}'", True),
+        ("check: 'random(n, 3) > 2'", True),
+    ],
+)
+def test_verify_keeps_a_draw_within_its_bounds(tree: str, fails: bool) -> None:
+    found = explored(f"{{sequence: [{{set: {{n: 2}}}}, {{{tree}}}]}}", "can: fail", "can: succeed")
+    assert outcomes(found)["can: fail"] == (PROVED if fails else REFUTED)
+    assert outcomes(found)["can: succeed"] == PROVED
+
+
+def test_verify_knows_the_bounds_of_a_growing_number_for_some_rounds_only() -> None:
+    tree = "sequence: [{set: {n: 0}}, {set: {n: '${n + random(1, 2)}'}, retry: 2, repeat: forever, until: n > 5}]"
+    found = explored(tree, "can: succeed")
+    assert found.outcome == PROVED
+    assert found.states < 40
 
 
 def test_verify_takes_a_stored_draw_for_unknown() -> None:

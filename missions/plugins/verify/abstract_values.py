@@ -20,7 +20,14 @@ from missions.language.operators import RANDOM
 from missions.language.read_analysis import always_read_names
 from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.random_bounds import truth_values
+from missions.plugins.verify.random_bounds import (
+    UNKNOWN,
+    NumberRange,
+    Unknown,
+    never_fails,
+    number_range,
+    truth_values,
+)
 
 PLAIN_TYPES = frozenset((bool, int, float, str))
 """Types whose values contain no other values. Checks of nested values test them first, for speed."""
@@ -45,16 +52,6 @@ Whether the loop ends after each further repetition is a choice.
 
 MAX_TEXT_LENGTH = 20
 """Maximum length, in characters, of a text that the exploration stores exactly; a longer one becomes unknown."""
-
-
-class Unknown:
-    """Unknown value, for example a leaf's result or a param from the caller."""
-
-    def __repr__(self) -> str:
-        return "unknown"
-
-
-UNKNOWN = Unknown()
 
 
 class UnboundedCount(int):
@@ -192,12 +189,15 @@ class NondetValue(Value):
     certain_sensors: frozenset[str] = field(init=False)
     """Sensors that each evaluation reads: none behind ``and``, ``or`` or ``if``."""
     has_shortcuts: bool = field(init=False)
+    is_draw: bool = field(init=False)
+    """Whether the expression calls ``random``."""
     choices: Sequence[tuple[object, bool]] = field(init=False)
 
     def __post_init__(self) -> None:
         reads = self.template.reads if self.template is not None else ()
         values = (state_value(read.name, read.member) for read in reads if read.name in ROBOT_STATE)
-        sensed = draws_number(self.template) or any(value is None or not value.options for value in values)
+        is_draw = draws_number(self.template)
+        sensed = is_draw or any(value is None or not value.options for value in values)
         choices = [(found, False) for found in self.options] + [(None, True)] * may_fail(self)
         sensors = tuple(dict.fromkeys(ROBOT_STATE[read.name].sensor for read in reads if reads_sensor(read)))
         found = {
@@ -206,6 +206,7 @@ class NondetValue(Value):
             "choices": choices,
             "sensors": sensors,
             "certain_sensors": frozenset(sensor for tree in _trees(self) for sensor in _certain_sensors(tree)),
+            "is_draw": is_draw,
             "has_shortcuts": any(_has_shortcuts(tree) for tree in _trees(self)),
         }
         for name, value in found.items():
@@ -240,17 +241,28 @@ class NondetValue(Value):
         found, failed = self.oracle.choose(self._possible_choices(scope), self._describe_choice)
         if failed:
             raise ExpressionError("cannot be calculated")
+        if found is UNKNOWN and self._reads_range(scope):
+            return number_range(self, scope) or UNKNOWN
         return found
 
     def _possible_choices(self, scope: Mapping[str, object]) -> Sequence[tuple[object, bool]]:
         """Return the values that the exploration can choose from, each with False; and (None, True) if it can fail.
 
-        A truth value that a condition with ``random`` cannot have is left out.
+        Of numbers with known bounds, such as those of ``random``, only possible results are tried.
         """
-        if not isinstance(self.template, Expression) or self.options != (True, False) or not self.template.draws:
+        if not self._reads_range(scope):
             return self.choices
-        possible = truth_values(self.template.tree, scope)
-        return [(found, failed) for found, failed in self.choices if failed or found in possible] or self.choices
+        possible = self.choices
+        if isinstance(self.template, Expression) and self.options == (True, False):
+            truths = truth_values(self.template.tree, scope)
+            possible = [(found, failed) for found, failed in possible if failed or found in truths]
+        if any(failed for _, failed in possible) and never_fails(self, scope):
+            possible = [(found, failed) for found, failed in possible if not failed]
+        return possible or self.choices
+
+    def _reads_range(self, scope: Mapping[str, object]) -> bool:
+        """Return whether the expression draws a number, or reads a variable with a number of known bounds."""
+        return self.is_draw or any(isinstance(scope.get(name), NumberRange) for name in self.needed)
 
     def _check_readable(self, scope: Mapping[str, object]) -> None:
         """Raise ExpressionError if a variable that the expression needs is not set, SensorSilent if a sensor is silent.
@@ -328,7 +340,7 @@ def expression_text(value: Value) -> str:
 
 def contains_unknown(value: object) -> bool:
     """Return whether a value is or contains an unknown value."""
-    if value is UNKNOWN:
+    if isinstance(value, Unknown):
         return True
     if value is None or type(value) in PLAIN_TYPES:
         return False

@@ -31,7 +31,7 @@ from missions.executive.submission import Submission
 from missions.language.child_order import Weights
 from missions.language.definite_assignment import catches_failure
 from missions.language.expressions import Template, Value
-from missions.language.for_each import ListMembers, steps_in_scope
+from missions.language.for_each import ListMembers
 from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import FAILURE_NAME, FINALLY, FOR_EACH, MISSION, MODIFIERS, SWITCHES
 from missions.language.plan import Plan, Step
@@ -40,7 +40,6 @@ from missions.plugins.verify.abstract_values import (
     MAX_COUNT,
     MAX_MEMBERS,
     MIN_UNBOUNDED_ROUNDS,
-    UNKNOWN,
     AbstractList,
     NondetSensor,
     NondetValue,
@@ -51,6 +50,7 @@ from missions.plugins.verify.abstract_values import (
 )
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.live_variables import live_variables, names_read
+from missions.plugins.verify.random_bounds import UNKNOWN
 from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
 from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, report_of, stand_in_class, wait_seconds
@@ -219,18 +219,6 @@ def durations(tree: Step) -> frozenset[float]:
         if seconds is not None:
             found.add(seconds)
     return frozenset(found)
-
-
-def missing_params(plan: Plan) -> frozenset[str]:
-    """Return the params that have no value in ``plan``, since only the caller of the mission can give them."""
-    reads = {
-        read.name
-        for step in steps_in_scope(plan.tree)
-        for value in step.arguments.values()
-        if value.template is not None
-        for read in value.template.reads
-    }
-    return frozenset(reads - plan.params.keys() - plan.tree.variables - STATE_KINDS.keys() - {FAILURE_NAME})
 
 
 # Reduction of equivalent runs: one of each class is explored, so that many leaves give few states.
@@ -463,7 +451,7 @@ class MissionModel:
         self.shuffler = self.run.random = Shuffler(self.oracle)
         self.run.observer = self.watch
         self.run.variables.update({part: NondetSensor(self.oracle, part) for part in STATE_KINDS})
-        self.run.variables.update(dict.fromkeys((*missing_params(plan), FAILURE_NAME), UNKNOWN))
+        self.run.variables.update(dict.fromkeys((*plan.missing_params, FAILURE_NAME), UNKNOWN))
         tree = abstract_step(plan.tree, self.oracle, self.watch, plan.tree.variables)
         self.root = build(replace(plan, tree=tree), self.run, lambda _: Robot())
         self.nodes = list(_walk(self.root))
@@ -487,7 +475,7 @@ class MissionModel:
         }
         self.watch.reads = variable_readers(plan.tree, self.nodes)
         self._snapshots = Snapshots(self.nodes, self.timing)
-        hidden = ineffective_variables(tree, plan.params)
+        hidden = ineffective_variables(tree, plan.params, plan.missing_params)
         self._scopes = ScopeSnapshots(tree, self.nodes, self.run.variables, hidden)
         self.merger = TickMerger(
             self.nodes,

@@ -12,8 +12,9 @@ from py_trees.common import Status
 from behaviours.basics import Check, Fail, Log, Pretend, Set, Succeed, Wait, WaitUntil
 from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Condition, Leaf
 from missions.language.plan import Step
-from missions.plugins.verify.abstract_values import UNKNOWN
+from missions.language.robot_state import state_value
 from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.random_bounds import UNKNOWN
 from missions.plugins.verify.rule_monitor import RuleMonitor
 from missions.plugins.verify.symbolic_time import Instant
 
@@ -138,17 +139,27 @@ class SetStandIn(StandIn):
 class ConditionStandIn(StandIn):
     """Stand-in for a leaf that evaluates a condition, and has ``status_if_false`` if that is false.
 
-    It gives no reasons: the values in a reason would be choices without an effect.
+    For one that waits, a condition that cannot be calculated is false. But it fails if the base does not measure a
+    position that it reads, ``reads_position``. The stand-in gives no reasons of a false condition: the values in a
+    reason would be choices without an effect.
     """
 
     condition: Condition
     status_if_false: ClassVar[Status]
+    reads_position: ClassVar[bool]
 
     def update(self) -> Status:
+        waits = self.status_if_false is RUNNING
+        if waits and self.reads_position and not self.oracle.choose((True, False), _describe_position):
+            return FAILURE
         try:
             return SUCCESS if self.condition.is_true() else self.status_if_false
         except ValueError as error:
-            return self.fail(f"{self.label}: {error}")
+            return RUNNING if waits else self.fail(f"{self.label}: {error}")
+
+
+def _describe_position(measured: bool) -> str:
+    return "" if measured else "the base does not measure its position"
 
 
 class WaitStandIn(StandIn):
@@ -179,7 +190,7 @@ def stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type[Stand
 
     A class for each step would make ``isinstance`` slow, which checks all subclasses of an abstract class.
     """
-    alike = step.leaf, wait_seconds(step), outcomes(step)
+    alike = step.leaf, wait_seconds(step), outcomes(step), reads_position(step)
     if alike not in watch.stand_ins:
         watch.stand_ins[alike] = _make_stand_in_class(step, oracle, watch)
     return watch.stand_ins[alike]
@@ -206,6 +217,7 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
     kind = SetStandIn if issubclass(real, Set) else StandIn if seconds is None else WaitStandIn
     if issubclass(real, Check | WaitUntil):
         kind, declared["status_if_false"] = ConditionStandIn, FAILURE if issubclass(real, Check) else RUNNING
+        declared["reads_position"] = reads_position(step)
     return type(
         f"{real.__name__}StandIn",
         (kind,),
@@ -223,6 +235,13 @@ def _make_stand_in_class(step: Step, oracle: Oracle, watch: RuleMonitor) -> type
             "stops": not real.drives or real.terminate is Leaf.terminate or not does_nothing(real.terminate),
         },
     )
+
+
+def reads_position(step: Step) -> bool:
+    """Return whether a condition of a step reads a position that some bases only compute by dead reckoning."""
+    reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
+    values = (state_value(read.name, read.member) for read in reads)
+    return any(value is not None and value.is_dead_reckoned for value in values)
 
 
 def outcomes(step: Step) -> tuple[TickOutcome, ...]:

@@ -10,7 +10,7 @@ from it, without a choice, by a formula that never fails: the value itself, or s
 
 import ast
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
 from config.units import Quantity
@@ -45,12 +45,15 @@ class Use(NamedTuple):
     ignored: bool = False
 
 
-def ineffective_variables(tree: Step, params: Mapping[str, object]) -> list[frozenset[str]]:
+def ineffective_variables(
+    tree: Step, params: Mapping[str, object], unknown: Collection[str] = ()
+) -> list[frozenset[str]]:
     """Return the variables without effect, for the mission with ``tree`` and each sub-mission in the order of the tree.
 
-    The steps must be abstract (see missions.plugins.verify.model).
+    The steps must be abstract (see missions.plugins.verify.model). ``params`` are those of the mission with a value,
+    ``unknown`` those without.
     """
-    return _ValueFlow(tree, params).ineffective()
+    return _ValueFlow(tree, params, unknown).ineffective()
 
 
 class _ValueFlow:
@@ -59,11 +62,11 @@ class _ValueFlow:
     ``_opaque`` are variables that also get values from elsewhere than constants and uses, such as results of leaves.
     """
 
-    def __init__(self, tree: Step, params: Mapping[str, object]) -> None:
+    def __init__(self, tree: Step, params: Mapping[str, object], unknown: Collection[str]) -> None:
         self._missions = 1
         self._uses: list[Use] = []
         self._constants: defaultdict[Variable, list[object]] = defaultdict(list)
-        self._opaque: set[Variable] = set()
+        self._opaque = {Variable(0, name) for name in unknown}
         for name, value in params.items():
             self._constants[Variable(0, name)].append(value)
         self._names = {Variable(0, name) for name in params}

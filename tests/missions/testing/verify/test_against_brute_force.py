@@ -291,6 +291,22 @@ def test_shortest_runs_with_conditions_match_brute_force(tree: str) -> None:
 
 
 @settings(max_examples=40)
+@example("{wait_until: set_later}, {sequence: [{look: 0 deg}, {set: {set_later: true}}]}", "parallel")
+@example("{sequence: [{look: 0 deg}, {set: {set_later: true}}]}, {wait_until: set_later}", "race")
+@given(
+    trees(MODIFIERS[:7], st.sampled_from(("look: 0 deg", "set: {set_later: true}", "wait_until: set_later"))).map(
+        lambda tree: f"{{wait_until: set_later}}, {{{tree}}}"
+    ),
+    st.sampled_from(COMPOSITES),
+)
+def test_shortest_ways_past_unset_variables_match_brute_force(children: str, composite: str) -> None:
+    found = plan(f"{composite}: [{children}]")
+    if found is None:
+        return
+    compare_shortest_ways(found, 10.0)  # longer than the sensor timeout
+
+
+@settings(max_examples=40)
 @example("sequence: [{set: {found: '${found + [1]}'}}, {look: 0 deg}, {check: len(found) == 3}], retry: 2")
 @given(trees(MODIFIERS, more=listing))
 def test_shortest_runs_with_lists_match_brute_force(tree: str) -> None:

@@ -379,3 +379,34 @@ def test_possible_run_among_many_times_is_shown() -> None:
     found = outcomes(report)
     assert (found["never: say after wait"], found["can: succeed"]) == (REFUTED, PROVED)
     assert not report.left_out
+
+
+# Conditions that wait for a variable, and params of the caller
+
+
+def test_wait_for_a_variable_that_is_set_later_goes_on() -> None:
+    trees = (
+        "parallel: [{sequence: [{wait: 1 s}, {set: {arrived: true}}]}, {sequence: [{wait_until: arrived}, {say: hi}]}]",
+        "parallel: [{drive: 50 cm, as: gone}, {sequence: [{wait_until: gone > 10 cm}, {say: hi}]}]",
+    )
+    for tree in trees:
+        assert explored(tree, "can: succeed").outcome == PROVED, tree
+
+
+def test_wait_for_a_variable_that_never_becomes_true_goes_on_for_ever() -> None:
+    tree = "parallel: [{wait_until: arrived}, {sequence: [{wait: 1 s}, {set: {arrived: false}}]}]"
+    assert outcomes(explored(tree))[CAN_END] == REFUTED
+
+
+def test_wait_for_a_position_may_fail() -> None:
+    assert outcome("wait_until: base.x > 1 m\non_failure: succeed", "can: succeed") == PROVED
+    for condition in ("base.x > 1 m", "base.x == 1 m"):  # a base may not measure its position
+        tree = f"sequence: [{{selector: [{{wait_until: {condition}}}, {{drive: 1 m}}]}}, {{say: hi}}]"
+        assert outcome(tree, "always eventually: drive") == REFUTED
+        assert outcome(tree, "never: drive before say") == REFUTED
+
+
+def test_param_without_a_value_that_is_set_again_is_known_from_the_start() -> None:
+    tree = "sequence: [{set: {n: '${n + 1}'}}, {log: '${n}'}, {drive: 1 m, if: n > 2}]"
+    report = verify(plan_of(tree, params="{n: {type: count}}"), ManualClock())
+    assert report.outcome == PROVED
