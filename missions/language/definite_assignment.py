@@ -6,6 +6,7 @@ the variables that may be unset then, each with a shortest path on which it is u
 nodes.
 """
 
+from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from missions.language.expressions import Value
 from missions.language.for_each import ListMembers
 from missions.language.kinds import STATE_KINDS
 from missions.language.nodes import (
+    AT_ONCE,
     COMPOSITES,
     FAILURE,
     FAILURE_NAME,
@@ -27,10 +29,20 @@ from missions.language.nodes import (
     SKIPPED,
     SUCCESS,
     SWITCHES,
+    TIME_LIMITS,
     WAIT_FOR,
+    WEIGHTS,
+    Ends,
 )
-from missions.language.outcomes import early_ends
+from missions.language.outcomes import VERBS, early_ends
 from missions.language.outcomes import possible_ends as ends_of
+from missions.language.parallel_counts import (
+    ALL_CHILDREN,
+    FAILURE_COUNT,
+    SUCCESS_COUNT,
+    decide_parallel,
+    parallel_ends,
+)
 from missions.language.plan import UNREAD_KIND, PlaceholderLeaf, Step, composite_kind
 from missions.language.read_analysis import always_read_names, may_fail, nonzero_variables
 
@@ -200,7 +212,7 @@ class _UnsetAnalysis:
         passes = "" if kind is None else kind.passes
         if kind is not None and kind.order == "in order":
             return self.follow_in_order(step, unset, here, passes=passes)
-        return self.follow_at_once(step, unset, here, all_succeed=passes == SUCCESS)
+        return self.follow_at_once(step, unset, here)
 
     def _bits_of(self, names: Iterable[str]) -> int:
         """Return an integer in which the bits of the variables ``names`` are set.
@@ -300,11 +312,13 @@ class _UnsetAnalysis:
         ends = (passed, stops_merged) if passes == SUCCESS else (stops_merged, passed)
         return UnsetAfter(*ends, skipped)
 
-    def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext, *, all_succeed: bool) -> UnsetAfter:
-        """Return the variables that may be unset after a composite whose children run concurrently or in any order.
-
-        ``all_succeed`` is true if the composite succeeds only when all children have succeeded.
-        """
+    def follow_at_once(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
+        """Return the variables that may be unset after a composite whose children run concurrently or in any order."""
+        if WEIGHTS in step.arguments:  # a child of weight 0 never runs
+            weights = step.arguments[WEIGHTS].constant
+            if isinstance(weights, tuple) and len(weights) == len(step.children):
+                running = (child for child, weight in zip(step.children, weights, strict=True) if weight)
+                step = replace(step, children=tuple(running))
         found = []
         once = twice = 0
         for child in step.children:
@@ -323,23 +337,50 @@ class _UnsetAnalysis:
                 after._replace(success=add_event(f"{_step_label(child)} ends first", after.success))
                 for child, after in zip(step.children, found, strict=True)
             ]
-        success = merge_unset(after.success for after in found)
-        if all_succeed and not step.arguments and success is not None:
-            still = success.bits
-            for each in found:
-                ended = each.success if each.skipped is None else merge_unset((each.success, each.skipped))
-                still &= -1 if ended is None else ended.bits
-            success = UnsetVariables(
-                still, {name: success.paths[name] for name in self._with_bit(success.paths, still)}
-            )
-        elif step.arguments and success is not None:
-            enough = PathEvent(f"{_step_label(step)} succeeds without it", None, 1)
-            ways = {name: way or (enough if name in step.variables else way) for name, way in success.paths.items()}
-            success = UnsetVariables(success.bits, ways)
-        return UnsetAfter(
-            success,
-            merge_unset(after.failure for after in found),
-            merge_unset(after.skipped for after in found) if all(after.skipped for after in found) else None,
+        success, failure, skipped = (self._end_at_once(step, unset, found, end) for end in _ENDS)
+        if _has_computed_argument(step):  # a value of a wrong type fails at the start
+            failure = merge_unset((failure, add_event(f"{_step_label(step)} fails", unset)))
+        return UnsetAfter(success, failure, skipped)
+
+    def _end_at_once(
+        self, step: Step, unset: UnsetVariables, found: Sequence[UnsetAfter], end: str
+    ) -> UnsetVariables | None:
+        """Return the variables that may be unset after such a composite if its result is ``end``.
+
+        ``found`` has the variables that may be unset after each child. A variable may be unset if those children that
+        leave it unset can give this result.
+        """
+        counts = _decisive_counts(step, end)
+        possible = [_ends_with(after, -1) for after in found]
+        total = Counter(possible)
+        if end not in parallel_ends(len(found), total, counts):
+            return None
+        setters: dict[str, list[int]] = {name: [] for name in self._with_bit(step.variables, unset.bits)}
+        for place, child in enumerate(step.children):
+            for name in child.variables & setters.keys():
+                setters[name].append(place)
+        at_once = [_set_at_once(child) if step.kind in AT_ONCE else frozenset[str]() for child in step.children]
+        bits = unset.bits
+        for name, places in setters.items():
+            bit = self._bits_of((name,))
+            # Where a child sets it in its first tick, only the children before it can have ended without it.
+            last = next((place for place in places if name in at_once[place]), len(found))
+            ends = total.copy() if last == len(found) else Counter(possible[:last])
+            for place in places:
+                if place < last:
+                    ends[possible[place]] -= 1
+                    ends[_ends_with(found[place], bit)] += 1
+            if end not in parallel_ends(len(found), ends, counts):
+                bits &= ~bit
+        merged = merge_unset(getattr(after, end) for after in found) or NOTHING_UNSET
+        around = PathEvent(f"{_step_label(step)} {VERBS.get(end, end)} without it", None, 1)
+        return UnsetVariables(
+            bits,
+            {
+                name: merged.paths.get(name) or (around if name in step.variables else path)
+                for name, path in unset.paths.items()
+                if bits & self._bits_of((name,))
+            },
         )
 
     def follow_switch(self, step: Step, unset: UnsetVariables, here: StepContext) -> UnsetAfter:
@@ -402,7 +443,8 @@ class _UnsetAnalysis:
             for end, onward, each in ((SUCCESS, kind.success, after.success), (FAILURE, kind.failure, after.failure))
         ]
         ways.append((after.skipped, frozenset({SKIPPED})))
-        cut = add_event(_early_end_event(step), unset) if kind.early_end_text else after.success
+        before = self._with_set(_set_at_once(step.children[0]), unset) if step.kind in TIME_LIMITS else unset
+        cut = add_event(_early_end_event(step), before) if kind.early_end_text else after.success
         always = kind.value == "condition" and known and bool(value.constant) == (step.kind != "until")
         cut_to = frozenset[str]() if always else early_ends(step)
         return UnsetAfter(
@@ -441,7 +483,63 @@ def catches_failure(step: Step, child: Step) -> bool:
         return False
     if kind.passes == FAILURE:
         return kind.order != "in order" or child is not step.children[-1]
-    return step.kind == "parallel" and bool(step.arguments)
+    if step.kind != "parallel":
+        return False
+    counts = _decisive_counts(step, SUCCESS)
+    return decide_parallel(len(step.children), counts).failures > 1
+
+
+_ENDS = UnsetAfter._fields
+
+
+def _ends_with(after: UnsetAfter, bits: int) -> Ends:
+    """Return the results after which one of the variables of ``bits`` may be unset; -1 for all results of a step."""
+    return frozenset(
+        end for end, unset in zip(_ENDS, after, strict=True) if unset is not None and (bits == -1 or unset.bits & bits)
+    )
+
+
+def _decisive_counts(step: Step, end: str) -> Mapping[str, object]:
+    """Return the counts of a parallel to which the rule of another composite without an order corresponds.
+
+    A count that is computed has the value with which most children can be missed when the result is ``end``.
+    """
+    if step.kind == "race":
+        return {SUCCESS_COUNT: 1}
+    if step.kind != "parallel":
+        kind = composite_kind(step)
+        if kind is None or kind.passes != FAILURE:
+            return {}
+        # A computed weight may be 0, and then the failure of the other children is the end.
+        return {SUCCESS_COUNT: 1, FAILURE_COUNT: 1 if _has_computed_argument(step) else ALL_CHILDREN}
+    fewest = {SUCCESS_COUNT: 1, FAILURE_COUNT: ALL_CHILDREN}
+    if end == FAILURE:
+        fewest = {SUCCESS_COUNT: ALL_CHILDREN, FAILURE_COUNT: 1}
+    return {word: value.constant if value.template is None else fewest[word] for word, value in step.arguments.items()}
+
+
+def _has_computed_argument(step: Step) -> bool:
+    return any(value.template is not None for value in step.arguments.values())
+
+
+def _ticks_at_once(step: Step) -> bool:
+    """Return whether a step is a modifier that ticks its child as soon as it is ticked itself."""
+    kind = MODIFIERS.get(step.kind)
+    return kind is not None and kind.child_ticks != "sometimes"
+
+
+def _set_at_once(step: Step) -> frozenset[str]:
+    """Return variables that a step certainly sets in its first tick."""
+    if step.leaf is not None or _has_computed_argument(step):
+        return step.direct_variables if step.leaf is Set and not _has_computed_argument(step) else frozenset()
+    if step.kind in AT_ONCE or step.kind in TIME_LIMITS or _ticks_at_once(step):
+        return _set_at_once(step.children[0])
+    found = frozenset[str]()
+    for child in step.children if step.kind == "sequence" else ():
+        found |= _set_at_once(child)
+        if child.leaf is not Set or _has_computed_argument(child):
+            break
+    return found
 
 
 def _step_label(step: Step) -> str:

@@ -1,5 +1,6 @@
 """Possible results (success, failure, skipped) of steps, to report unreachable steps and modifiers without effect."""
 
+from collections import Counter
 from collections.abc import Sequence
 
 from config.diagnostics import Diagnostic
@@ -25,7 +26,7 @@ from missions.language.nodes import (
     WAIT_FOR,
     Ends,
 )
-from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel
+from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel, parallel_ends
 from missions.language.plan import UNREAD_KIND, Step, composite_kind
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
@@ -241,22 +242,11 @@ def _forever(step: Step) -> bool:
 
 
 def _parallel_ends(step: Step, below: list[Ends]) -> Ends:
-    """Return the possible results (success, failure, skipped) of a parallel.
-
-    They depend on those of its children (``below``), and on the counts beside it.
-    """
+    """Return the possible results of a parallel, from those of its children and the counts beside it."""
     if any(value.template is not None for value in step.arguments.values()):
-        return BOTH_ENDS
-    succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
-    decided = decide_parallel(len(below), {word: value.constant for word, value in step.arguments.items()})
-    if decided.waits_for_all and not all(below):
-        return frozenset()
-    if any(SKIPPED in each for each in below):
-        if step.arguments:
-            return BOTH_ENDS | _skipped_with_all(below)
-        return _all_or_one(below, SUCCESS, FAILURE) | ({FAILURE} if fail else frozenset())
-    found = {SUCCESS: succeed >= decided.successes, FAILURE: fail >= decided.failures}
-    return frozenset(end for end, possible in found.items() if possible)
+        return BOTH_ENDS | _skipped_with_all(below)
+    settings = {word: value.constant for word, value in step.arguments.items()}
+    return parallel_ends(len(below), Counter(below), settings)
 
 
 def _for_each_ends(step: Step, below: Ends) -> Ends:

@@ -1,6 +1,7 @@
 """``success_count``, ``failure_count`` and ``wait_for_all``: how many children decide a ``parallel``."""
 
 from collections.abc import Mapping as Named
+from collections.abc import Sequence
 from functools import partial
 
 from behaviours.leaf import Leaf
@@ -9,6 +10,7 @@ from config.yaml_nodes import Listing, Mapping, Node, Scalar
 from drivers.api.fast_dataclass import dataclass
 from missions.language.check_context import CheckContext
 from missions.language.expressions import INVALID_VALUE, Value, as_whole_number
+from missions.language.nodes import FAILURE, SKIPPED, SUCCESS, Ends
 
 # Arguments as written in the file, for pictures: "60 deg", not 1.0472.
 
@@ -78,6 +80,41 @@ def decide_parallel(children: int, settings: Named[str, object]) -> ParallelDeci
     needed = successes if isinstance(successes, int) else children
     enough = failures if isinstance(failures, int) else children
     return ParallelDecision(needed, min(enough, children - needed + 1), bool(settings.get(WAIT_FOR_ALL)))
+
+
+def parallel_ends(children: int, ends: Named[Ends, int], settings: Named[str, object]) -> Ends:
+    """Return the possible results (success, failure, skipped) of a parallel with this number of ``children``.
+
+    ``ends`` counts the children by the results that each of them can have. ``settings`` are as in ``decide_parallel``.
+    """
+    waits, found = bool(settings.get(WAIT_FOR_ALL)), set[str]()
+    succeeded, skipped, failed = _count_ends(ends, (SUCCESS, SKIPPED, FAILURE))
+    if not waits:
+        failed = 0  # these still run
+    if succeeded and (not waits or succeeded + skipped + failed == children):
+        decided = decide_parallel(children - skipped, settings)
+        if succeeded >= decided.successes and failed < decided.failures:
+            found.add(SUCCESS)
+    failed, skipped, succeeded = _count_ends(ends, (FAILURE, SKIPPED, SUCCESS))
+    if skipped == children and (not waits or any(number and SUCCESS in each for each, number in ends.items())):
+        skipped, succeeded = skipped - 1, 1  # a child must run
+    can_end = skipped < children and (not waits or failed + skipped + succeeded == children)
+    if can_end and failed >= decide_parallel(children - skipped, settings).failures:
+        found.add(FAILURE)
+    all_skipped = sum(number for each, number in ends.items() if SKIPPED in each) == children
+    if all_skipped and (waits or decide_parallel(1, settings).failures > 0):
+        found.add(SKIPPED)
+    return frozenset(found)
+
+
+def _count_ends(ends: Named[Ends, int], order: Sequence[str]) -> list[int]:
+    """Return the number of children for each result in ``order``, if each child has the first one that it can have."""
+    counts = dict.fromkeys(order, 0)
+    for each, number in ends.items():
+        best = next((end for end in order if end in each), None)
+        if best is not None:
+            counts[best] += number
+    return list(counts.values())
 
 
 def read_counts(context: CheckContext, beside: Mapping, children: int) -> dict[str, Value]:

@@ -41,6 +41,15 @@ TOO_SOON = {
     "sequence: [{parallel: [{wait: 9 s}, {sequence: [find_face, {set: {n: 1}}]}], success_count: 1}, {log: '${n}'}]": (
         "not set where 'parallel' (line 4) succeeds without it"
     ),
+    "sequence: [{parallel: [{FOUND}, {say: a}, {wait: 5 s}], success_count: 2}, {GREETED}]": (
+        "not set where 'parallel' (line 4) succeeds without it"
+    ),
+    "sequence: [{parallel: [{FOUND}, stop], success_count: 1, failure_count: 2, wait_for_all: true}, {GREETED}]": (
+        "not set where 'parallel' (line 4) succeeds without it"
+    ),
+    "sequence: [{parallel: [{FOUND}, {say: a}], wait_for_all: true, on_failure: succeed}, {GREETED}]": (
+        "not set where 'find_face' (line 4) fails"
+    ),
     "sequence: [{set: {n: '${face.count}'}}, {set: {m: '${1 / n}'}, on_failure: succeed}, {log: '${m}'}]": (
         "not set where 'set' (line 4) fails"
     ),
@@ -59,6 +68,17 @@ IN_PEACE = (
     "sequence: [{set: {ok: false}}, {TRIED}, {say: Hi, if: ok and guest.id == 1}]",
     "parallel: [{FOUND}, {sequence: [{wait: 5 s}, {GREETED}]}]",
     "sequence: [{parallel: [{FOUND}, {say: Where are you}]}, {GREETED}]",
+    "sequence: [{parallel: [{FOUND}, {say: a, timeout: 1 s}], wait_for_all: true}, {GREETED}]",
+    "sequence: [{parallel: [{FOUND}, {say: a}], success_count: 2}, {GREETED}]",
+    "sequence: [{parallel: [{FOUND}, {say: a}], success_count: all}, {GREETED}]",
+    "sequence: [{parallel: [{FOUND}, {say: a, if: battery.low}, {wait: 5 s}], success_count: all}, {GREETED}]",
+    "sequence: [{parallel: [{FOUND}, {say: a}], success_count: 1, wait_for_all: true}, {GREETED}]",
+    "sequence: [{parallel: [{FOUND}, {listen: yes, as: guest}, {wait: 5 s}], success_count: 2}, {log: '${guest}'}]",
+    "sequence: [{parallel: [{FOUND}, {GREETED}], success_count: 1, failure_count: all}]",
+    "selector: [{parallel: [{set: {n: 1}, on_success: fail}, cliff], success_count: 1}, {log: '${n}'}]",
+    "sequence: [{race: [{sequence: [{set: {n: 1}}, {drive: 1 m}]}, {wait: 5 s}]}, {log: '${n}'}]",
+    "sequence: [{sequence: [{set: {n: 1}}, {drive: 1 m}], for: 5 s}, {log: '${n}'}]",
+    "selector: [{random_selector: [{sequence: [{set: {n: 1}}, fail]}, {find_face: {}}]}, {log: '${n}'}]",
     "sequence: [{switch: {on: face.count, cases: {0: {set: {n: 0}}}, default: {set: {n: 1}}}}, {log: '${n}'}]",
     "sequence: [{switch: {on: face.count, cases: {0: {set: {n: 0}}}}}, {log: '${n}'}]",
     "sequence: [{for_each: {in: [1, 2], as: k, do: {set: {n: '${k}'}}}}, {log: '${n + k}'}]",
