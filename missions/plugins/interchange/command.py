@@ -84,11 +84,13 @@ def _counted(imported: ImportedProject) -> str:
 
 
 def _check_output(folder: Path, imported: ImportedProject, *, force: bool) -> None:
-    """Raise click.BadParameter for a file that would be replaced, or for a link in its place."""
+    """Raise click.BadParameter for a file that would be replaced, or for a link, a pipe or a folder in its place."""
     for name in imported.files:
         target = folder / name
         if target.is_symlink() or target.parent.is_symlink():
             raise click.BadParameter(f"{target} is a link: choose another folder", param_hint="-o")
+        if target.exists() and not target.is_file():
+            raise click.BadParameter(f"{target} is not a regular file: choose another folder", param_hint="-o")
         if target.exists() and not force:
             others = sum((folder / each).exists() for each in imported.files) - 1
             more = f", and {others} more files" if others else ""

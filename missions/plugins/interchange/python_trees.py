@@ -21,7 +21,7 @@ from config.diagnostics import SourceText
 from config.units import with_article
 from missions.plugins.interchange.node_kinds import MARK
 from missions.plugins.interchange.report import DIFFERS, LOST, ImportReport
-from missions.plugins.interchange.xml_reader import MAX_DEPTH, MAX_ELEMENTS, Element
+from missions.plugins.interchange.xml_reader import MAX_DEPTH, MAX_ELEMENTS, Element, clean_text, walk_elements
 
 TARGET = re.compile(r"(?P<module>[\w.]+|.+\.py):(?P<function>[A-Za-z_]\w*)")
 """Pattern of the name of a function that returns a tree: ``package.module:function`` or ``file.py:function``."""
@@ -80,6 +80,8 @@ def tree_element(tree: Behaviour, target: str, report: ImportReport) -> Element:
     """
     reader = _TreeReader(target, report)
     body = reader.element(tree, 1)
+    for each in walk_elements(body):
+        each.attributes = {key: clean_text(value) for key, value in each.attributes.items()}
     name = target.rpartition(":")[2]
     element = Element("BehaviorTree", {"ID": name}, reader.source, 1, children=[body])
     return Element("root", {"BTCPP_format": "4", "main_tree_to_execute": name}, reader.source, 1, children=[element])

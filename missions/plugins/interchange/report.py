@@ -77,4 +77,4 @@ def _grouped(remarks: Iterable[Remark], headings: Mapping[str, str]) -> Iterator
 
 
 def _escaped(text: str) -> str:
-    return " ".join(text.split()).replace("<", "\\<").replace("|", "\\|")
+    return " ".join(text.split()).replace("<", "\\<").replace("|", "\\|").replace("[", "\\[")

@@ -42,7 +42,7 @@ MARKUP = re.compile(
 )
 ATTRIBUTE = re.compile(r"""([^\s"'<>=/]++)(\s*+=\s*+)("[^"]*"|'[^']*')""")
 BARE_AMPERSAND = re.compile(r"&(?!(?:amp|lt|gt|quot|apos|#[0-9]{1,7}|#x[0-9A-Fa-f]{1,6});)")
-CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ufeff]")
+CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 
 
 @dataclass(slots=True)
@@ -216,5 +216,5 @@ class _Builder:
 
 
 def clean_text(text: str) -> str:
-    """Return a text without control characters, which mission files cannot contain."""
+    """Return a text without characters that XML or mission files cannot contain, such as control characters."""
     return CONTROL_CHARACTERS.sub(" ", text)

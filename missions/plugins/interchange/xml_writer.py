@@ -3,9 +3,9 @@
 from collections.abc import Iterator
 from xml.sax.saxutils import escape
 
-from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.xml_reader import Element, clean_text
 
-ENTITIES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
+ENTITIES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;"}
 MAX_LINE_LENGTH = 110
 
 
@@ -25,7 +25,7 @@ def _lines(element: Element, depth: int) -> Iterator[str]:
         yield from _comments(element.last_comments, f"{indent}  ")
         yield f"{indent}</{element.tag}>"
     elif element.text:
-        yield f"{start}>{escape(element.text)}</{element.tag}>"
+        yield f"{start}>{escape(clean_text(element.text))}</{element.tag}>"
     else:
         yield f"{start}/>"
 
@@ -33,12 +33,12 @@ def _lines(element: Element, depth: int) -> Iterator[str]:
 def _comments(comments: list[str], indent: str) -> Iterator[str]:
     for comment in comments:
         # Two hyphens cannot stand in a comment, and no hyphen at its end.
-        text = " ".join(comment.split()).replace("--", "- -").replace("--", "- -")
+        text = " ".join(clean_text(comment).split()).replace("--", "- -").replace("--", "- -")
         yield f"{indent}<!-- {text} -->"
 
 
 def _start_tag(element: Element, indent: str) -> str:
-    written = [f'{name}="{escape(value, ENTITIES)}"' for name, value in element.attributes.items()]
+    written = [f'{name}="{escape(clean_text(value), ENTITIES)}"' for name, value in element.attributes.items()]
     line = f"{indent}<{element.tag}{''.join(f' {each}' for each in written)}"
     if len(line) <= MAX_LINE_LENGTH:
         return line

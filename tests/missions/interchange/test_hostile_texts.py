@@ -1,16 +1,24 @@
-"""Texts of an XML file stay texts: they never become file names, YAML, or Python code of an import."""
+"""Texts of an XML file never become paths, YAML or Python code, and texts of a mission never become XML markup."""
 
 from pathlib import Path
 from runpy import run_path
+from xml.etree import ElementTree as ET
 from xml.sax.saxutils import quoteattr
 
 import pytest
+from py_trees.behaviours import Success
+from py_trees.composites import Sequence
 
 from behaviours.catalogue import LEAVES
 from config.diagnostics import SourceText
 from config.yaml_nodes import Mapping, compose
+from missions.language.document import check_plan
 from missions.library.vocabulary import load_leaves
+from missions.plugins.interchange.exporter import export_mission
 from missions.plugins.interchange.importer import import_trees
+from missions.plugins.interchange.python_trees import tree_element
+from missions.plugins.interchange.report import ImportReport
+from missions.plugins.interchange.xml_reader import walk_elements
 from tests.missions.interchange.round_trips import write_import
 from tests.missions.interchange.trees import tree_text
 
@@ -112,3 +120,28 @@ def test_trees_with_like_names_get_different_short_file_names(tmp_path: Path) ->
     assert len({name.casefold() for name in names}) == len(ids)
     assert max(len(name.encode()) for name in names) <= 255
     assert not any("/" in name or name.startswith(".") for name in names)
+
+
+def test_export_of_characters_that_xml_forbids_is_xml() -> None:
+    text = r"""mission: "<m> \x01"
+# <!-- -- -->
+tree:
+  sequence:
+    - say: "<b> \x00 \uFFFF ]]> &"
+      name: "<\e>"
+    - switch: {on: 1, cases: {1: nod}, default: {log: "\x03"}}
+      name: "\x04"
+    - fail: "</root> \x02"
+"""
+    plans = [check_plan(SourceText("m.yaml", text), LEAVES, {}) for _ in range(2)]
+    first, second = (export_mission(plan).text for plan in plans)
+    root = ET.fromstring(first.encode())  # noqa: S314 - written by ourselves
+    assert [each.tag for each in root] == ["BehaviorTree", "TreeNodesModel"]
+    assert first == second
+
+
+def test_names_of_python_trees_are_cleaned() -> None:
+    tree = Sequence("a\x1b\u2028\ud800b", memory=True, children=[Success("\x00")])
+    root = tree_element(tree, "module:function", ImportReport())
+    names = [each.attributes["name"] for each in walk_elements(root) if "name" in each.attributes]
+    assert names == ["a   b", " "]

@@ -1,6 +1,7 @@
 """``mission import`` writes missions, stubs and a report, and nothing over existing files."""
 
 from collections.abc import Callable
+from os import mkfifo
 from pathlib import Path
 
 import pytest
@@ -78,6 +79,19 @@ def test_links_in_the_folder_are_not_followed(mission: Mission, tmp_path: Path) 
     (tmp_path / "made" / "behaviours").symlink_to(tmp_path / "elsewhere")
     assert "is a link" in mission("import", "tree.xml", "-o", "made", "--force").err
     assert not list((tmp_path / "elsewhere").iterdir())
+
+
+def test_import_over_a_pipe_is_refused(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text("<AlwaysSuccess/>"))
+    (tmp_path / "made").mkdir()
+    mkfifo(tmp_path / "made" / "patrol.yaml")
+    assert "not a regular file" in mission("import", "tree.xml", "-o", "made", "--force").err
+
+
+def test_report_has_no_links_of_the_file(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text('<Action ID="![x](http://x)"/>'))
+    mission("import", "tree.xml", "-o", "made")
+    assert "!\\[x](http://x)" in (tmp_path / "made" / "IMPORTED.md").read_text()
 
 
 def test_mistakes_are_reported_with_their_place(mission: Mission, tmp_path: Path) -> None:
