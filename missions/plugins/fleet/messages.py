@@ -58,7 +58,7 @@ Connection = Literal["ONLINE", "OFFLINE", "CONNECTIONBROKEN"]
 TaskState = Literal["WAITING", "INITIALIZING", "RUNNING", "PAUSED", "FINISHED", "FAILED"]
 """State of a fleet task, named as in VDA 5050; the last two states are final."""
 
-AttemptEnd = Literal["", "success", "failure", "interrupted", "refused"]
+AttemptEnd = Literal["", "success", "failure", "interrupted", "cancelled", "refused"]
 """Result of an attempt to run a fleet task: empty while it runs; `refused` means that the robot did not begin it."""
 
 

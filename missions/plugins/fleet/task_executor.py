@@ -226,5 +226,7 @@ class TaskExecutor:
                 return "FINISHED", "success"
             case "failed":
                 return "FAILED", "failure"
+            case "cancelled" if task.attempts and not task.cancelling:
+                return "FAILED", "cancelled"
             case _:
                 return "FAILED", "interrupted" if task.attempts else "refused"

@@ -72,6 +72,8 @@ def ended_notice(task: Task, how: How, state: State, reason: str, now: float) ->
             return _make_notice(task, "given_up", f"{name} was interrupted, and is given up{because}", now)
         case "done":
             return _make_notice(task, "done", f"{name} is done", now)
+        case "cancelled" if not task.cancelling:
+            return _make_notice(task, "cancelled", f"{name} was ended{because}; it is not tried again", now)
         case "cancelled":
             return _make_notice(task, "cancelled", f"{name} was cancelled", now)
         case _:

@@ -350,7 +350,8 @@ class TaskQueue:
 
     def _settle(self, task: Task, state: State, reason: str, now: float) -> None:
         """Set the state of a task; if it is final, add the next repetition, unless the task was cancelled."""
-        if task.every and state in ("done", "failed", "given_up") and not task.cancelling:
+        was_ended = state in ("done", "failed", "given_up") or (state == "cancelled" and task.state == "running")
+        if task.every and was_ended and not task.cancelling:
             try:
                 every = read_repetition(task.every, task.due_since, self._zone)
                 due = self._unused_time(task, every, next_time(every, task.due_since, now, self._zone), now)

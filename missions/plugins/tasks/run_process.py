@@ -19,7 +19,7 @@ from typing import IO, Any, Self
 from config.library import UnknownNameError
 from drivers.clock import Clock, SystemClock
 from missions.library.shipped import find_mission
-from missions.plugins.tasks.task import AttemptOutcome, Claim, Task
+from missions.plugins.tasks.task import AttemptOutcome, Claim, How, Task
 
 # Output of a process on stdout and stderr, line by line, without blocking.
 
@@ -145,7 +145,7 @@ class RunProcess:
                 for _ in _read_lines(process, pipes, lambda: True, end):
                     pass
                 raise
-        return output.outcome(process.returncode, end.killed)
+        return output.outcome(process.returncode, end)
 
 
 def _read_lines(
@@ -203,15 +203,18 @@ class _RunOutput:
             self._last = line.strip() or self._last
             self._out(line)
 
-    def outcome(self, code: int, killed: str) -> AttemptOutcome:
-        """Return the outcome of a run, given its exit code; ``killed`` is the reason if the server killed it, or empty.
+    def outcome(self, code: int, end: "_Termination") -> AttemptOutcome:
+        """Return the outcome of a run, given its exit code, and its ``end`` by the server.
 
-        Without a result in its output, a run that was killed counts as interrupted, and any other run as an error.
+        A run that was ended, but not by the server, is cancelled: a person has stopped the robot. Without a result in
+        its output, a run that was killed counts as interrupted, and any other run as an error.
         """
         if self._result is not None:
-            return AttemptOutcome(self._result["result"], _replace_surrogates(self._result.get("reason", "")))
-        if killed or code < 0:
-            return AttemptOutcome("interrupted", killed or f"the run died: signal {-code}")
+            how: How = self._result["result"]
+            how = "cancelled" if how == "interrupted" and not end.begun else how
+            return AttemptOutcome(how, _replace_surrogates(self._result.get("reason", "")))
+        if end.killed or code < 0:
+            return AttemptOutcome("interrupted", end.killed or f"the run died: signal {-code}")
         return AttemptOutcome("error", self._last or f"the run ended with exit code {code} and no output")
 
 

@@ -9,7 +9,7 @@ State = Literal["waiting", "running", "done", "failed", "cancelled", "given_up"]
 """State of a task; the states from ``done`` on are final."""
 
 How = Literal["success", "failure", "error", "interrupted", "cancelled"]
-"""End of an attempt; an error is a missing device or an invalid file."""
+"""End of an attempt; an error is a missing device or an invalid file; a person has ended a cancelled one."""
 
 Interrupted = Literal["retry", "give-up"]
 """Policy for an interrupted task, whose progress is unknown."""
@@ -54,6 +54,8 @@ class RetryPolicy:
                 return "done"
             case "refused":
                 return "again"
+            case "cancelled":
+                return "given_up"
             case "interrupted":
                 return "again" if self.interrupted == "retry" and interruptions + 1 < self.most else "given_up"
             case _:

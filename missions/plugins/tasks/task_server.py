@@ -74,7 +74,7 @@ class TaskServer:
             outcome = self._work(claim, stopping, say)
         except OSError as error:
             outcome = AttemptOutcome("error", f"no process could be started: {error}")
-        if self._stopping and outcome.how == "interrupted":
+        if self._stopping and outcome.how in ("interrupted", "cancelled"):
             reason = f"the server was stopped{': ' if outcome.reason else ''}{outcome.reason}"
             outcome = AttemptOutcome("interrupted", reason, stopped=True)
         # If this cannot be written either, the next server finds the attempt without an end.

@@ -249,6 +249,18 @@ def test_repeatable_task_is_reassigned_after_its_lease(fleet: Fleet) -> None:
     assert anna.queue.unconfirmed() == []
 
 
+@pytest.mark.parametrize("how", ["interrupted", "cancelled"])
+def test_task_that_a_person_has_ended_goes_to_no_robot(how: str, fleet: Fleet) -> None:
+    anna = fleet.robot("anna", "0000000a")
+    fleet.keep(retries=1)
+    fleet.turn()
+    assert anna.begin()
+    bob = fleet.robot("bob", "0000000b")
+    anna.end(how)
+    fleet.turn(90.0)
+    assert (bob.begin() or anna.begin()) is (how == "interrupted")
+
+
 def test_unrepeatable_task_stays_with_its_robot(fleet: Fleet) -> None:
     anna = fleet.robot("anna", "0000000a")
     fleet.keep(if_interrupted="give-up")

@@ -68,9 +68,13 @@ def test_library_mission_is_preferred_to_a_local_file(tmp_path: Path, monkeypatc
     assert arguments_of(claim(mission="square").task)[-1] == str(shipped_missions()["motions/square"])
 
 
-@pytest.mark.parametrize("how", ["success", "failure", "interrupted", "error"])
+@pytest.mark.parametrize("how", ["success", "failure", "error"])
 def test_run_result_is_its_outcome(how: How) -> None:
     assert Attended(RESULT.format(how)).outcome == AttemptOutcome(how, "so")
+
+
+def test_run_that_a_person_has_ended_is_cancelled() -> None:
+    assert Attended(RESULT.format("interrupted")).outcome == AttemptOutcome("cancelled", "so")
 
 
 def test_run_output_is_received_and_shown_line_by_line() -> None:

@@ -102,6 +102,7 @@ def test_success_is_reported_to_every_channel_once(queue: Shop) -> None:
         (RETRY, ["interrupted", "interrupted", "success"], "done", ["interrupted", "interrupted", "done"]),
         (RETRY, ["interrupted"] * 3, "given_up", ["interrupted", "interrupted", "given_up"]),
         (RetryPolicy("give-up"), ["interrupted"], "given_up", ["given_up"]),
+        (RetryPolicy("retry", retries=1), ["interrupted", "cancelled"], "cancelled", ["interrupted", "cancelled"]),
         (
             RetryPolicy("retry", retries=1),
             ["interrupted", "failure", "interrupted", "failure"],
@@ -119,6 +120,14 @@ def test_unsuccessful_task_is_retried_by_its_policy(
     assert queue.kinds(number) == kinds
     assert [attempt.how for attempt in queue.queue.attempts(number)] == hows
     assert queue.queue.claim(queue.now + 1e6) is None
+
+
+def test_task_that_a_person_has_ended_runs_at_its_next_time(queue: Shop) -> None:
+    number = queue.add(new(every="60 s"))
+    assert queue.attempt("cancelled", "halted by Ann").state == "cancelled"
+    assert queue.told(number) == ["greet (task 1) was ended: halted by Ann; it is not tried again"]
+    queue.now += 60.0
+    assert queue.claim().task.id > number
 
 
 def test_failure_is_reported_with_its_reason(queue: Shop) -> None:
