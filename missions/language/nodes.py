@@ -199,7 +199,7 @@ OTHER_PARENTS: Mapping[str, ParentKind] = {
         "∀",
         "its list is always empty",
     ),
-    WAIT_FOR: ParentKind("ticks a behaviour until it succeeds; a failure of it means 'not yet'", "⧗"),
+    WAIT_FOR: ParentKind("ticks a behaviour until it succeeds; a failure of it means 'not yet'", "◷"),
     MISSION: ParentKind("runs another mission", "▣"),
 }
 """Nodes with children that are not written as one list: switches, ``for_each`` and sub-missions."""

@@ -79,7 +79,7 @@ class TreeBox:
     )
     badges: Annotated[tuple[Badge, ...], JsonName("modifiers"), "Modifiers, the outermost first."] = ()
     keep_as: Annotated[str, JsonName("as"), "Output variable, if any."] = ""
-    case: Annotated[str, "Case of the parent switch, `else` for the default; `recover` or `finally`; or empty."] = ""
+    case: Annotated[str, "Case of the parent switch, `default`, `recover` or `finally`; or empty."] = ""
     mission: Annotated[str, "Mission that the node runs; empty if it is not a sub-mission."] = ""
     status: StatusNow = "idle"
     reason: Reason = ""

@@ -106,9 +106,9 @@ def _box(step: Step, key: str, case: str) -> TreeBox:
 
 
 def _cases(step: Step) -> Iterator[str]:
-    """Yield a label for each child of a step: for a switch, its case as in YAML or "else"; otherwise an empty text."""
+    """Yield a label for each child of a step: for a switch, its case as in YAML or "default"; otherwise empty."""
     labels = (json.dumps(case) if case is None or isinstance(case, bool) else str(case) for case in step.cases)
-    return chain(map(one_line, labels), repeat("else" if step.kind in SWITCHES else ""))
+    return chain(map(one_line, labels), repeat("default" if step.kind in SWITCHES else ""))
 
 
 def _file(step: Step) -> str:

@@ -12,7 +12,7 @@ from missions.plugins.pictures.svg import kind_of
 from missions.trees.drawing import SIGNS, Badge, Status, TreeBox, TreeDrawing
 from missions.trees.drawing_builder import legend
 
-_PLAIN_LABELS = ("else", RECOVER, FINALLY)
+_PLAIN_LABELS = ("default", RECOVER, FINALLY)
 """Labels of child nodes that are no cases of a switch."""
 
 # Card of a node on the page, with all its facts. For a screen reader the card is the node's name.

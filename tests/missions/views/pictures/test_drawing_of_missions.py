@@ -78,7 +78,7 @@ def test_switch_children_show_their_case_as_in_yaml() -> None:
     head = "params: {answer: {default: x, type: text}}\n"
     root = drawing_of(plan_of(f"  switch: {{on: answer, {cases}, default: {{drive: 2 m, retry: 2}}}}\n", head)).root
     assert root.arguments == {"on": "answer"}
-    assert [child.case for child in root.children] == ["yes", "2", "30 deg", "else"]
+    assert [child.case for child in root.children] == ["yes", "2", "30 deg", "default"]
     root = drawing_of(plan_of("  switch: {on: answer == 'x', cases: {true: {wait: 1 s}}}\n", head)).root
     assert [child.case for child in root.children] == ["true"]
 

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from matplotlib import get_data_path
 from matplotlib.ft2font import FT2Font, LoadFlags
 
+from missions.language.nodes import COMPOSITES, IN_TURN_SELECTOR, OTHER_PARENTS
 from missions.plugins.pictures.layout import text_width, truncate, wrap_items
 from tests.cases import each
 
@@ -34,6 +35,12 @@ def test_width_table_matches_the_font(bold: bool) -> None:
 def test_the_signs_of_our_pictures_have_room(bold: bool) -> None:
     for text in (*"○▶✓✗→⇉¹↻⇄▣◇■≠…°·äßéñøΩ", "Здравствуйте, как дела", "Καλημέρα σας"):
         assert taken(text, bold=bold) <= text_width(text, 1.0, bold=bold), text
+
+
+def test_the_font_of_pictures_has_the_symbol_of_every_node() -> None:
+    kinds = (*COMPOSITES.values(), *OTHER_PARENTS.values(), IN_TURN_SELECTOR)
+    missing = {sign for kind in kinds for sign in kind.symbol if not FONTS[False].get_char_index(ord(sign))}
+    assert not missing
 
 
 @each("bold", [False, True])

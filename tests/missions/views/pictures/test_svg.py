@@ -44,7 +44,7 @@ def test_card_shows_kind_arguments_modifiers_variable_and_line() -> None:
 
 def test_switch_case_is_drawn_on_the_line_to_its_node() -> None:
     tree = "\n  switch:\n    on: 1 + 1\n    cases: {2: {say: two}, 3: {say: three}}\n    default: {say: other}\n"
-    assert texts(svg(drawing_of(plan_of(tree))), "case") == ["2", "3", "else"]
+    assert texts(svg(drawing_of(plan_of(tree))), "case") == ["2", "3", "default"]
 
 
 @pytest.mark.parametrize("status", list(SIGNS))

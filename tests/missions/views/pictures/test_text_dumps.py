@@ -119,12 +119,12 @@ def test_the_children_of_a_switch_begin_with_their_case() -> None:
     assert outline(drawing_of(plan)).splitlines()[1:] == [
         "├─ yes: [retry: 2] (line 7)",
         "│  ■ drive: 1 m (line 7)",
-        "└─ else: ■ wait: 2 s (line 8)",
+        "└─ default: ■ wait: 2 s (line 8)",
     ]
     assert [line.strip() for line in text_tree(plan).splitlines()][1:] == [
         "-^- yes: retry: 2 (line 7)",
         "--> drive: 1 m (line 7)",
-        "--> else: wait: 2 s (line 8)",
+        "--> default: wait: 2 s (line 8)",
     ]
     assert '|"yes"| n1_1_1' in mermaid(drawing_of(plan))
 
