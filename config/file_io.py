@@ -26,8 +26,9 @@ PRIVATE_MODE = 0o600
 def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -> Iterator[BinaryIO]:
     """Open a file that replaces ``path`` when all of it is on the disk; symbolic links are followed.
 
-    With ``mode`` None, the file keeps the mode of the old one, or gets that of a new file. Anything but a regular file,
-    such as a pipe, is written directly. Without ``durable``, the file may be empty after a power cut. Raises OSError.
+    With ``mode`` None, the file keeps the mode of the old one and, if the user may do so, its owner; otherwise it gets
+    the mode of a new file. Anything but a regular file, such as a pipe, is written directly. Without ``durable``, the
+    file may be empty after a power cut. Raises OSError.
     """
     target = Path(os.path.realpath(path))
     if target.exists() and not target.is_file():
@@ -36,6 +37,7 @@ def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -
         return
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(errno.EACCES, "write-protected", str(path))
+    old = target.stat() if mode is None and target.exists() else None
     mode = mode if mode is not None else _mode_of(target)
     number, name = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name[:100]}.")  # for its owner only
     try:
@@ -44,6 +46,9 @@ def replace_file(path: Path, mode: int | None = None, *, durable: bool = True) -
             file.flush()
             if durable:
                 os.fsync(file.fileno())
+        if old is not None:
+            with suppress(OSError):  # only root may give a file to another user
+                os.chown(name, old.st_uid, old.st_gid)
         with suppress(OSError):  # a disk that knows no rights, such as a stick's
             Path(name).chmod(mode)
         Path(name).replace(target)

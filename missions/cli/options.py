@@ -99,11 +99,14 @@ def name_value_callback(
 
 
 def mission_files_in(name: str, *, tests: bool = True) -> list[str]:
-    """Return ``name``, or if it is a folder, the missions in it, with their test files if ``tests`` is true."""
+    """Return ``name``, or if it is a folder, the missions in it, with their test files if ``tests`` is true.
+
+    Hidden files are left out, such as those that an interrupted command has left.
+    """
     folder = Path(name)
     if not folder.is_dir():
         return [name]
-    files = (path for path in sorted(folder.glob("*.yaml")) if path.is_file())
+    files = (path for path in sorted(folder.glob("[!.]*.yaml")) if path.is_file())
     found = [str(path) for path in files if tests or not path.name.endswith(TEST_SUFFIX)]
     if not found:
         raise click.UsageError(f"{name}: no missions (*.yaml) in this folder")

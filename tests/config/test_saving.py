@@ -35,6 +35,17 @@ NEW_OR_OWN = {
 """How often a module may do that: for files that are new, or that nobody needs once they are broken."""
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root may give a file to another user")
+def test_replaced_file_keeps_its_owner_unless_it_is_private(tmp_path: Path) -> None:
+    path = tmp_path / "mission.yaml"
+    path.write_text("old")
+    os.chown(path, 12345, 12346)
+    save_file(path, "new")
+    assert (path.stat().st_uid, path.stat().st_gid) == (12345, 12346)
+    save_file(path, "secret", PRIVATE_MODE)
+    assert path.stat().st_uid == 0
+
+
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left on device"), KeyboardInterrupt(), ValueError()])
 def test_failed_replace_keeps_the_old_file(tmp_path: Path, error: BaseException) -> None:
     path = tmp_path / "report.html"

@@ -228,3 +228,12 @@ def test_fix_names_a_file_that_cannot_be_written(
     assert "m.yaml" in done.err
     assert "space" in done.err
     assert Path("m.yaml").read_bytes() == OLD
+
+
+def test_hidden_files_of_a_folder_are_not_checked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("m.yaml").write_bytes(OLD)
+    Path(".m.abc.yaml").write_text("mission: ", encoding="utf-8")
+    assert command(capsys, "check", ".").out == "m.yaml: good (m, 2 nodes)\n"
