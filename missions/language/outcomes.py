@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from functools import partial
 
 from config.diagnostics import Diagnostic
 from missions.language.check_context import CheckContext
@@ -28,6 +29,7 @@ from missions.language.nodes import (
 )
 from missions.language.parallel_counts import FAILURE_COUNT, SUCCESS_COUNT, WAIT_FOR_ALL, decide_parallel, parallel_ends
 from missions.language.plan import UNREAD_KIND, Step, composite_kind
+from missions.language.read_analysis import may_fail
 
 VERBS = {SUCCESS: "succeeds", FAILURE: "fails"}
 
@@ -48,7 +50,7 @@ def check_outcomes(context: CheckContext, tree: Step) -> None:
 
 def _check_wait(context: CheckContext, step: Step, child: Step) -> None:
     """Report a ``wait_for`` around a child that never fails or never succeeds."""
-    ends = possible_ends(child)
+    ends = ends_with_faults(child)
     if FAILURE not in ends:
         context.fault_at(step, f"'{WAIT_FOR}' has no effect here: '{child.name}' never fails")
     elif ends.isdisjoint({SUCCESS, SKIPPED}):
@@ -57,7 +59,7 @@ def _check_wait(context: CheckContext, step: Step, child: Step) -> None:
 
 def _check_unreached(context: CheckContext, step: Step, passes: str) -> None:
     for child, after in zip(step.children, step.children[1:], strict=False):
-        if possible_ends(child).isdisjoint({passes, SKIPPED}):
+        if ends_with_faults(child).isdisjoint({passes, SKIPPED}):
             what = f"'{child.name}' (line {innermost_step(child).mark.line}) never {VERBS[passes]}"
             context.fault_at(innermost_step(after), f"'{after.name}' is never reached: {what}")
             return
@@ -71,7 +73,7 @@ def _check_counts(context: CheckContext, step: Step) -> None:
     settings = {word: value.constant for word, value in step.arguments.items() if value.template is None}
     if len(settings) < len(step.arguments):
         return
-    below = [possible_ends(child) for child in step.children]
+    below = [ends_with_faults(child) for child in step.children]
     succeed, fail = (sum(end in each for each in below) for end in (SUCCESS, FAILURE))
     decided = decide_parallel(len(below), settings)
     of = f"of its {len(below)} children"
@@ -100,10 +102,10 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
     if (
         leaf is not None
         and leaf.instant
-        and (step.kind == "on_running" or (step.kind == "timeout" and not _waits(child)))
+        and (step.kind == "on_running" or (step.kind == "timeout" and not child.direct_needs))
     ):
         context.fault_at(step, f"'{step.kind}' has no effect here: '{child.kind}' ends at once")
-    elif occasion and occasion not in possible_ends(child):
+    elif occasion and occasion not in ends_with_faults(child):
         message = f"'{step.kind}' has no effect here: '{child.name}' never {VERBS[occasion]}"
         context.fault_at(step, message, _order_hint(step, child, occasion))
     elif step.kind in TIME_LIMITS:
@@ -113,12 +115,6 @@ def _check_pointless(context: CheckContext, step: Step, child: Step) -> None:
         context.fault_at(recovery, f"'{RECOVER}' never runs: no attempt follows the first of '{RETRY}: 1'")
 
 
-def _waits(step: Step) -> bool:
-    """Return True if ``step`` is a leaf that may have to wait for a sensor, which it or one of its arguments reads."""
-    reads = (read for value in step.arguments.values() if value.template is not None for read in value.template.reads)
-    return step.leaf is not None and (bool(step.leaf.needs) or any(read.name in STATE_KINDS for read in reads))
-
-
 def _order_hint(step: Step, child: Step, end: str) -> str:
     """Return a hint to exchange two modifiers, if the inner one prevents the result ``end`` that ``step`` reacts to.
 
@@ -126,7 +122,7 @@ def _order_hint(step: Step, child: Step, end: str) -> str:
     """
     while child.leaf is None and "value" in child.arguments:
         below = child.children[0]
-        if end in possible_ends(below):
+        if end in ends_with_faults(below):
             return f"the order is the cause: write '{step.kind}' above '{child.kind}' (line {child.mark.line})"
         child = below
     return ""
@@ -166,18 +162,46 @@ def innermost_step(step: Step) -> Step:
     return step
 
 
-def possible_ends(step: Step) -> Ends:
+def possible_ends(step: Step, *, with_faults: bool = False) -> Ends:
     """Return the results (success, failure, skipped) with which a step can end; empty if it never ends.
 
-    Any step can also be halted.
+    Any step can also be halted. With ``with_faults``, the results include failures by silent sensors, and by values
+    that cannot be calculated in a run.
     """
     if step.leaf is not None:
-        return step.leaf.ends
-    below = [possible_ends(child) for child in step.children]
+        ends = step.leaf.ends
+    else:
+        ends = _parent_ends(step, [possible_ends(child, with_faults=with_faults) for child in step.children])
+    return ends | {FAILURE} if with_faults and FAILURE not in ends and _can_fail_by_fault(step) else ends
+
+
+ends_with_faults = partial(possible_ends, with_faults=True)
+
+
+def _can_fail_by_fault(step: Step) -> bool:
+    """Return whether a step can fail because a sensor stays silent, or because a value of it cannot be calculated.
+
+    Failures that its children pass on are left out. A reactive composite and ``wait_for`` fail when anything in them
+    has waited for a sensor for too long.
+    """
+    kind = COMPOSITES.get(step.kind)
+    if step.kind == WAIT_FOR or (kind is not None and kind.reactive):
+        return bool(step.needs)
+    return any(
+        value.convert not in (None, bool)
+        or may_fail(value, (), ())
+        or any(read.name in STATE_KINDS for read in value.template.reads)
+        for value in (*step.arguments.values(), *step.returns.values())
+        if value.template is not None
+    )
+
+
+def _parent_ends(step: Step, below: list[Ends]) -> Ends:
+    """Return the possible results of a step with children; ``below`` are the possible results of each child."""
     if step.kind == UNREAD_KIND:
         return BOTH_ENDS
     if step.kind in MODIFIERS:
-        return _modifier_ends(step, below[0])
+        return _modifier_ends(step, below)
     if step.kind in SWITCHES:
         return frozenset().union(*below) | (frozenset() if len(below) > len(step.cases) else {FAILURE})
     if step.kind == FOR_EACH:
@@ -194,12 +218,12 @@ def early_ends(step: Step) -> Ends:
     return cut if status is None or step.kind != "on_running" else cut & {status}
 
 
-def _modifier_ends(step: Step, below: Ends) -> Ends:
+def _modifier_ends(step: Step, below: list[Ends]) -> Ends:
     kind = MODIFIERS[step.kind]
     ways = {SUCCESS: kind.success, FAILURE: kind.failure, SKIPPED: frozenset({SKIPPED})}
-    passed = (ways[end] - {RESTART} for end in below if not (kind.without_limit(end) and _forever(step)))
+    passed = (ways[end] - {RESTART} for end in below[0] if not (kind.without_limit(end) and _forever(step)))
     ends = early_ends(step).union(*passed)
-    endless_recovery = step.kind == RETRY and len(step.children) > 1 and not possible_ends(step.children[1])
+    endless_recovery = step.kind == RETRY and len(below) > 1 and not below[1]
     return ends - {FAILURE} if endless_recovery else ends
 
 

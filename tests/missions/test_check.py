@@ -363,10 +363,10 @@ UNITS = "(units: deg, rad)"
         ),
         # values in flow style that YAML splits at a comma
         (
-            ["- switch: {on: random(0, 2), cases: {0: succeed, 1: succeed, 2: succeed}}"],
-            "random(0",
-            "'random(0, 2)' is split at its comma in {...} or [...]",
-            'put quotes around it: "random(0, 2)"',
+            ["- switch: {on: min(n, 2), cases: {0: succeed, 1: succeed, 2: succeed}}"],
+            "min(n",
+            "'min(n, 2)' is split at its comma in {...} or [...]",
+            'put quotes around it: "min(n, 2)"',
         ),
         (
             ["- sequence: [check: max(1, 2, 3) == n, succeed]"],

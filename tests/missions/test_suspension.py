@@ -202,6 +202,19 @@ def test_silent_range_finder_fails_the_reactive_selector(tmp_path: Path, capsys:
     assert found.code == 0, found.out
 
 
+@pytest.mark.parametrize(
+    "tree",
+    [
+        "reactive_selector: [bumped, {wait: 1 h}], on_failure: succeed",
+        "wait: 1 h, until: base.x > 9 m, on_failure: succeed",
+        "selector: [{wait_for: bumped}, {say: no base}]",
+    ],
+)
+def test_failure_by_a_silent_sensor_is_caught(tree: str, tmp_path: Path, capsys: Capture) -> None:
+    found = outcome(tree, "base unplugged at 2 s", "{result: success, after: 7 s, within: 9 s}", tmp_path, capsys)
+    assert found.code == 0, found.out
+
+
 def test_timeout_on_the_condition_lets_the_mission_continue_without_the_sensor(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
