@@ -22,7 +22,6 @@ from missions.executive.modifiers import (
     InvertModifier,
     OnFailureModifier,
     OnSuccessModifier,
-    RepeatModifier,
     TimeoutModifier,
 )
 from missions.executive.parallel import Parallel
@@ -51,7 +50,7 @@ from missions.plugins.verify.abstract_values import (
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.live_variables import live_variables, names_read
 from missions.plugins.verify.random_bounds import UNKNOWN
-from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, make_monitor
+from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, is_endless, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
 from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, report_of, stand_in_class, wait_seconds
 from missions.plugins.verify.symbolic_time import Rows as Times
@@ -240,7 +239,7 @@ def reduce_equivalent_runs(nodes: Sequence[Node], monitors: Sequence[PropertyMon
     If success and failure of a leaf have the same effect, only success is kept. Independent leaves of a parallel end in
     the same tick. Leaves that a property monitor observes stay as they are.
     """
-    observed = frozenset[Node]().union(*(monitor.subject | monitor.other | monitor.counts for monitor in monitors))
+    observed = frozenset[Node]().union(*(monitor.observed for monitor in monitors))
     for node in nodes:
         if type(node) in _MERGED_STATUS:
             leaf = _reducible_leaf(node, observed)
@@ -465,9 +464,7 @@ class MissionModel:
                 node.report = report_of(steps[node.key], node.key)
         self.watch.set_leaves([node for node in self.nodes if isinstance(node, StandIn)])
         self.watch.monitors = self.monitors
-        self.watch.rounds = frozenset(
-            node.child for node in self.nodes if isinstance(node, RepeatModifier) and _is_endless(node)
-        )
+        self.watch.rounds = frozenset(node.child for node in self.nodes if is_endless(node))
         self.watch.timed_nodes = {
             node: _status_when_over(node)
             for node in self.nodes
@@ -560,10 +557,6 @@ def _describe_next(child: Any) -> str:
 
 def _describe_order(children: Iterable[Any]) -> str:
     return f"the order is {', '.join(child.name for child in children)}"
-
-
-def _is_endless(node: RepeatModifier) -> bool:
-    return node.value.template is None and node.value.constant is None
 
 
 def _status_when_over(node: Node) -> Status:

@@ -2,14 +2,23 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeGuard
 
 from py_trees.common import Status
 
-from behaviours.leaf import FAILURE, IDLE, RUNNING, Leaf
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
-from missions.executive.modifiers import ForModifier
+from missions.executive.modifiers import (
+    ForModifier,
+    InvertModifier,
+    OnFailureModifier,
+    OnRunningModifier,
+    OnSuccessModifier,
+    RepeatModifier,
+    UntilModifier,
+)
 from missions.executive.parent import Modifier
+from missions.language.nodes import MODIFIERS
 from missions.language.plan import MissionProperty
 from missions.plugins.verify.choices import Oracle
 
@@ -24,16 +33,18 @@ if TYPE_CHECKING:
 class PropertyMonitor:
     """Monitor of one property of a mission, such as "never A while B"; A and B are names of nodes or actuators.
 
-    A node's name means all leaves below the nodes of that name; an actuator means the leaves that drive it. ``subject``
-    are the leaves of A, ``other`` the leaves of B. ``counts`` are the nodes whose success counts as "B has succeeded".
-    Properties with "while" and "without" are checked on the running leaves. Those with "before" and "after" remember in
-    ``happened`` that B has succeeded, and "always eventually" remembers that A has started.
+    A node's name means the leaves below the nodes of that name, without their conditions; an actuator means the leaves
+    that drive it. ``subject`` are the leaves of A, ``other`` the leaves of B. The success of a node in ``counts``
+    counts as "B has succeeded", and so does that of a node in ``limits`` if it ends B early. Properties with "while"
+    and "without" are checked on the running leaves. Those with "before" and "after" remember in ``happened`` that B has
+    succeeded, and "always eventually" remembers that A has started.
     """
 
     promise: MissionProperty
     subject: frozenset[Leaf]
     other: frozenset[Leaf]
     counts: frozenset[Node]
+    limits: frozenset[Node]
     happened: bool = False
 
     @property
@@ -63,8 +74,15 @@ class PropertyMonitor:
                 return f"{leaf.label} starts while {clash.label} runs"
         return ""
 
+    @property
+    def observed(self) -> frozenset[Node]:
+        """All nodes on whose starts and ends the property depends."""
+        return self.subject | self.other | self.counts | self.limits
+
     def on_success(self, node: Node) -> None:
-        self.happened = self.happened or node in self.counts
+        if not node.is_skipped:
+            ended = node in self.limits and all(child.status is not SUCCESS for child in node.children)
+            self.happened = self.happened or ended or node in self.counts
 
     def check_tick(self, live_leaves: "Sequence[StandIn]") -> str:
         if self.promise.form != "without" or any(leaf in self.other for leaf in live_leaves):
@@ -80,28 +98,79 @@ class PropertyMonitor:
 def make_monitor(promise: MissionProperty, nodes: Sequence[Node]) -> PropertyMonitor:
     """Return the monitor of a property of the tree with ``nodes``."""
     remembers = promise.form in ("before", "after")
+    counts, limits = set[Node](), set[Node]()
+    for node in _nodes_named(promise.other, nodes) if remembers else ():
+        modifiers = _modifiers_around(node)
+        counts.add(_counted_node(node, modifiers))
+        limits.update(each for each in modifiers if isinstance(each, ENDS_EARLY))
     return PropertyMonitor(
         promise,
         _leaves_named(promise.subject, nodes),
         _leaves_named(promise.other, nodes),
-        frozenset(_nodes_named(promise.other, nodes)) if remembers else frozenset(),
+        frozenset(counts),
+        frozenset(limits - counts),
     )
+
+
+CHANGES_RESULT = (InvertModifier, OnFailureModifier, OnSuccessModifier, OnRunningModifier)
+"""Modifiers that may succeed though their node has not, or fail though it has succeeded."""
+
+ENDS_EARLY = (ForModifier, UntilModifier)
+"""Modifiers that end a running node with success."""
+
+
+def _modifiers_around(node: Node) -> list[Modifier]:
+    """Return the modifiers beside a node in the mission, from the innermost to the outermost."""
+    found: list[Modifier] = []
+    above = node.parent
+    while isinstance(above, Modifier) and above.kind in MODIFIERS and node is above.child:
+        found.append(above)
+        node, above = above, above.parent
+    return found
+
+
+def _counted_node(node: Node, modifiers: Sequence[Modifier]) -> Node:
+    """Return the node whose success means that ``node`` has succeeded with its ``modifiers``.
+
+    It is the outermost modifier below the first that changes the result. Of a ``repeat: forever`` that nothing ends,
+    each round counts.
+    """
+    for place, modifier in enumerate(modifiers):
+        ends = any(isinstance(each, ENDS_EARLY) for each in modifiers[place:])
+        if isinstance(modifier, CHANGES_RESULT) or (is_endless(modifier) and not ends):
+            break
+        node = modifier
+    return node
+
+
+def is_endless(node: Node) -> TypeGuard[RepeatModifier]:
+    """Return whether a node is a ``repeat: forever``."""
+    return isinstance(node, RepeatModifier) and node.value.template is None and node.value.constant is None
 
 
 def _nodes_named(name: str, nodes: Sequence[Node]) -> list[Node]:
     """Return the nodes of a name: behaviours only, since their modifiers share the name."""
-    nodes = [node for node in nodes if not isinstance(node, Modifier)]
+    nodes = [node for node in nodes if node.kind not in MODIFIERS]
     return [node for node in nodes if node.name == name or (isinstance(node, Leaf) and node.kind == name)]
 
 
 def _leaves_named(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:
-    named = _nodes_named(name, nodes)
-    return frozenset(
-        leaf
-        for leaf in nodes
-        if isinstance(leaf, Leaf)
-        and (name in leaf.drives or any(leaf.key == node.key or leaf.key.startswith(f"{node.key}.") for node in named))
-    )
+    """Return the leaves for which a name stands: those of an actuator, or below a node.
+
+    The conditions below a node only decide whether it acts. They are left out, unless it has no other leaves.
+    """
+    found = {leaf for leaf in nodes if isinstance(leaf, Leaf) and name in leaf.drives}
+    for node in _nodes_named(name, nodes):
+        below = {leaf for leaf in node.iterate() if isinstance(leaf, Leaf)}
+        found |= {leaf for leaf in below if not _is_condition(leaf)} or below
+    return frozenset(found)
+
+
+def _is_condition(leaf: Leaf) -> bool:
+    """Return whether a leaf answers within a tick and does nothing else: by itself, or by its ``on_running``."""
+    if any(isinstance(modifier, OnRunningModifier) for modifier in _modifiers_around(leaf)):
+        return True
+    return leaf.instant and not leaf.acts and not leaf.drives
 
 
 EXCLUSIVE_ACTUATORS, REST_AFTER_END, VARIABLES_SET = "alone", "clean", "set"

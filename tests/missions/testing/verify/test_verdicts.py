@@ -294,6 +294,76 @@ def test_true_property_is_proved(tree: str, promise: str) -> None:
     assert outcome(tree, promise) == PROVED
 
 
+BREAK = "sequence: [{{{}, name: break}}, {{say: Hi}}]"
+
+
+@pytest.mark.parametrize(
+    ("node", "before"),
+    [
+        ("velocity: {speed: 0.1 m/s}, for: 3 s", PROVED),
+        ("wait: 10 s, until: base.bumper", PROVED),
+        ("sequence: [{nod: 1}, {drive: 1 m}], repeat: forever, until: base.bumper", PROVED),
+        ("sequence: [{nod: 1}, {drive: 1 m}], repeat: forever, for: 1 min, on_failure: succeed", REFUTED),
+        ("drive: 1 m, retry: 3, timeout: 1 min", PROVED),
+        ("face_seen: 1 s, hold: 2 s", PROVED),
+        ("drive: 1 m, finally: {log: over}", PROVED),
+        ("wait_for: {face_seen: 1 s}", PROVED),
+        ("drive: 1 m, on_failure: succeed", REFUTED),
+        ("drive: 1 m, on_failure: succeed, for: 1 min", REFUTED),
+        ("drive: 1 m, invert: true", REFUTED),
+        ("drive: 1 m, on_running: succeed", REFUTED),
+        ("drive: 1 m, if: base.bumper", REFUTED),
+        ("selector: [{drive: 1 m, if: base.bumper}, {nod: 1, if: base.bumper}]", REFUTED),
+    ],
+)
+def test_node_has_succeeded_when_it_is_over_with_its_modifiers(node: str, before: str) -> None:
+    assert outcome(BREAK.format(node), "never: say before break") == before
+
+
+def test_time_limit_outside_a_changed_result_ends_a_node() -> None:
+    tree = "sequence: [{velocity: {speed: 0.1 m/s}, on_failure: succeed, for: 1 min, name: break}, {say: Hi}]"
+    assert outcome(tree, "never: say after break") == REFUTED
+
+
+def test_rounds_of_an_endless_repeat_count_unless_something_ends_it() -> None:
+    rounds = (
+        "parallel: [{{sequence: [{{nod: 1}}, {{log: a}}], {}, name: dance}}, {{sequence: [{{wait: 2 s}}, {{say: a}}]}}]"
+    )
+    assert outcome(rounds.format("repeat: forever"), "never: say after dance") == REFUTED
+    assert outcome(rounds.format("repeat: forever"), "never: nod after dance") == REFUTED
+    assert outcome(rounds.format("repeat: forever, for: 9 s"), "never: nod after dance") == PROVED
+    assert outcome(rounds.format("repeat: 3"), "never: nod after dance") == PROVED
+    assert outcome(rounds.format("repeat: 3"), "never: say after dance") == REFUTED
+
+
+GUARDED = """
+reactive_selector:
+  - sequence:
+      - {}
+      - turn: 30 deg
+    name: attack
+  - wait: 2 s
+    name: idle
+repeat: forever
+"""
+
+
+@pytest.mark.parametrize("guard", ["bumped", "check: base.bumper", "wait: 1 s\n        on_running: succeed"])
+def test_conditions_of_a_node_do_not_count_as_its_run(guard: str) -> None:
+    tree = GUARDED.format(guard)
+    assert outcome(tree, "never: idle while attack") == PROVED
+    assert outcome(tree, f"never: idle while {guard.partition(':')[0]}") == REFUTED
+    assert outcome(tree, "never: attack before idle") == REFUTED
+    only_acts = "sequence: [{selector: [{sequence: [bumped, {turn: 30 deg}], name: attack}, {say: a}]}, {drive: 1 m}]"
+    assert outcome(only_acts, "always eventually: attack") == REFUTED
+    assert outcome(only_acts, "always eventually: bumped") == PROVED
+
+
+def test_node_of_conditions_alone_stands_for_them() -> None:
+    tree = "reactive_selector: [{sequence: [bumped, {check: base.cliff}], name: danger}, {drive: 1 m}]"
+    assert outcome(tree, "never: danger while drive") == REFUTED
+
+
 def test_reactive_node_never_overlaps_with_a_halted_one() -> None:
     tree = "reactive_selector:\n  - sequence: [face_seen, {say: Hi}]\n  - drive: 1 m\n"
     assert outcome(tree, "never: say while drive") == PROVED
