@@ -143,6 +143,8 @@ def switch(tree: TreeContext, element: Element, kind: str) -> MissionStep:
     value: dict[str, object] = {"on": PlainExpression(on), "cases": cases}
     if len(children) > _case_count(tree, element):
         value["default"] = children[-1]
+    if not cases:
+        return tree.add_outer_name(children[-1] if "default" in value else MissionStep("fail", "no case"), element)
     return tree.add_name(MissionStep("reactive_switch", value, reads=reads), element)
 
 

@@ -22,6 +22,7 @@ from missions.plugins.interchange.scripts import (
     Formula,
     Script,
     ScriptError,
+    as_condition,
     parse_script,
 )
 from missions.plugins.interchange.stub_leaves import StubTable
@@ -125,7 +126,7 @@ class TreeContext:
         if script is None or script.condition is None or script.assignments:
             self.report.add(LOST, element, f"the condition '{code}'")
             return None
-        return script.condition
+        return as_condition(script.condition)
 
     def script(self, element: Element, code: str) -> Script | None:
         """Return the parsed script ``code``; None if missions cannot express it, which is reported."""

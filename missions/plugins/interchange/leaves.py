@@ -8,7 +8,7 @@ from missions.plugins.interchange.mission_text import Computed, MissionStep, Pla
 from missions.plugins.interchange.node_kinds import KINDS, NAV2_ERRORS
 from missions.plugins.interchange.port_directions import model_of
 from missions.plugins.interchange.report import DIFFERS, LOST, STUB
-from missions.plugins.interchange.scripts import TEXT, Formula
+from missions.plugins.interchange.scripts import TEXT, Formula, as_condition
 from missions.plugins.interchange.stub_leaves import StubArgument, kind_of_port
 from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import is_pointer
@@ -50,7 +50,7 @@ def script_condition(tree: TreeContext, element: Element) -> MissionStep:
     if condition is None:
         last = script.assignments[-1].entry
         condition = Formula(tree.variable(last), tree.kinds.get(last), (last,))
-    check = MissionStep("check", PlainExpression(condition.text), reads=tree.variables_of(condition))
+    check = MissionStep("check", PlainExpression(as_condition(condition).text), reads=tree.variables_of(condition))
     steps = tree.set_steps(script.assignments)
     return MissionStep("sequence", [*steps, check]) if steps else check
 

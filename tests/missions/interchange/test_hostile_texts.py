@@ -20,7 +20,7 @@ from missions.plugins.interchange.python_trees import tree_element
 from missions.plugins.interchange.report import ImportReport
 from missions.plugins.interchange.xml_reader import walk_elements
 from tests.missions.interchange.round_trips import write_import
-from tests.missions.interchange.trees import tree_text
+from tests.missions.interchange.trees import import_text, tree_lines, tree_text
 
 HOSTILE = (
     *(
@@ -145,3 +145,21 @@ def test_names_of_python_trees_are_cleaned() -> None:
     root = tree_element(tree, "module:function", ImportReport())
     names = [each.attributes["name"] for each in walk_elements(root) if "name" in each.attributes]
     assert names == ["a   b", " "]
+
+
+@pytest.mark.parametrize(
+    ("node", "lines"),
+    [
+        ('<Switch2 variable="{a}" name="way"><A/><B/><C/></Switch2>', ["c:", "name: way"]),
+        ('<Switch2 variable="{a}"><A/><B/></Switch2>', ['fail: "no case"']),
+        ('<ScriptCondition code="0"/>', ["check: not not 0"]),
+        ("<AlwaysSuccess _skipIf=\"'x'\"/>", ["succeed:", "if: not 'x'"]),
+    ],
+)
+def test_odd_values_of_nodes_give_missions_without_errors(node: str, lines: list[str], tmp_path: Path) -> None:
+    imported = import_text(tmp_path, tree_text(node))
+    text = imported.files["patrol.yaml"]
+    assert tree_lines(imported)[-len(lines) :] == lines
+    stubs = imported.files.get("behaviours/patrol.py", "")
+    (tmp_path / "stubs.py").write_text(stubs)
+    check_plan(SourceText("patrol.yaml", text), load_leaves([tmp_path / "stubs.py"]) if stubs else LEAVES, {})
