@@ -293,6 +293,8 @@ INSTANT_ACTIONS = frozenset(
 )
 """Leaves that are not conditions, and end at once."""
 
+WAIT_UNTIL = "wait_until"
+
 CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
 """Modifiers with which a node is not always ticked, or runs for at most one tick."""
 
@@ -326,6 +328,13 @@ def actions_as_guards(tree: Step) -> list[Diagnostic]:
 def _guard_hint(around: Step, child: Step, cause: Step) -> Diagnostic:
     place = innermost_step(child)
     what = f"'{cause.kind}' in it" if innermost_step(cause) is not place else f"'{cause.kind}'"
+    if cause.kind == WAIT_UNTIL or (cause.kind == WAIT_FOR and _find_running(cause.children[0]) is None):
+        again = ", and starts them again after that" if COMPOSITES[around.kind].passes == SUCCESS else ""
+        message = f"while {what} waits, the {around.kind} halts the children after it{again}"
+        instead = "use 'check'" if cause.kind == WAIT_UNTIL else f"leave out '{WAIT_FOR}'"
+        return Diagnostic(
+            place.source, place.mark, message, f"{instead} to fail at once, or wait before the {around.kind}"
+        )
     return Diagnostic(
         place.source,
         place.mark,

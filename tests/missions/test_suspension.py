@@ -330,3 +330,29 @@ def test_an_action_used_as_a_guard_gets_a_hint(composite: str, child: str, hints
     found = actions_as_guards(plan.tree)
     assert len(found) == hints
     assert all("used as a guard" in hint.message for hint in found)
+
+
+@pytest.mark.parametrize(
+    ("composite", "child", "again", "instead"),
+    [
+        ("reactive_sequence", "{wait_until: face.seen}", ", and starts them again after that", "use 'check'"),
+        ("reactive_selector", "{wait_until: face.seen, timeout: 5 s}", "", "use 'check'"),
+        ("reactive_sequence", "{wait_for: face_seen}", ", and starts them again after that", "leave out 'wait_for'"),
+    ],
+)
+def test_hint_about_a_wait_in_a_reactive_composite_states_its_effect(
+    composite: str, child: str, again: str, instead: str
+) -> None:
+    tree = f"{composite}: [{child}, {{drive: 1 m}}]"
+    plan = check_plan(SourceText("m.yaml", f"mission: m\ntree: {{{tree}}}\n"), LEAVES, {})
+    (hint,) = actions_as_guards(plan.tree)
+    word = child[1:].partition(":")[0]
+    assert hint.message == f"while '{word}' waits, the {composite} halts the children after it{again}"
+    assert hint.suggestion == f"{instead} to fail at once, or wait before the {composite}"
+
+
+def test_action_in_a_wait_is_an_action_used_as_a_guard() -> None:
+    tree = "reactive_sequence: [{wait_for: {find_face: {scans: 1}}}, {drive: 1 m}]"
+    plan = check_plan(SourceText("m.yaml", f"mission: m\ntree: {{{tree}}}\n"), LEAVES, {})
+    (hint,) = actions_as_guards(plan.tree)
+    assert "used as a guard" in hint.message
