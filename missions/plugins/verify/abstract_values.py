@@ -205,9 +205,9 @@ class NondetValue(Value):
             "sensed": sensed,
             "choices": choices,
             "sensors": sensors,
-            "certain_sensors": frozenset(sensor for tree in _trees(self) for sensor in _certain_sensors(tree)),
+            "certain_sensors": frozenset(sensor for tree in syntax_trees(self) for sensor in _certain_sensors(tree)),
             "is_draw": is_draw,
-            "has_shortcuts": any(_has_shortcuts(tree) for tree in _trees(self)),
+            "has_shortcuts": any(_has_shortcuts(tree) for tree in syntax_trees(self)),
         }
         for name, value in found.items():
             object.__setattr__(self, name, value)
@@ -294,14 +294,15 @@ class NondetValue(Value):
         found, failed = answer
         if failed:
             return f"'{expression_text(self)}' cannot be calculated"
-        return "" if found is UNKNOWN else f"'{expression_text(self)}' is {str(found).lower()}"
+        text = str(found).lower() if isinstance(found, bool | None) else found
+        return "" if found is UNKNOWN else f"'{expression_text(self)}' is {text}"
 
 
 def _describe_nothing(_: bool) -> str:
     return ""
 
 
-def _trees(value: Value) -> list[ast.expr]:
+def syntax_trees(value: Value) -> list[ast.expr]:
     """Return the syntax trees of the expressions in a value."""
     formula = value.template
     parts = () if formula is None else (formula,) if isinstance(formula, Expression) else formula.parts

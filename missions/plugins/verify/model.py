@@ -1,9 +1,10 @@
 """Model of a mission: its own nodes with stand-ins for the leaves; its complete state can be saved and restored."""
 
+import ast
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, MutableSequence, Sequence
 from dataclasses import dataclass, replace
-from itertools import permutations
+from itertools import permutations, product
 from random import Random
 from typing import Any
 
@@ -45,6 +46,7 @@ from missions.plugins.verify.abstract_values import (
     TopValue,
     UnboundedCount,
     reads_sensor,
+    syntax_trees,
     widen,
 )
 from missions.plugins.verify.choices import Oracle
@@ -143,19 +145,34 @@ def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
     if step.kind == "parallel":
         return _nondet_value(value, oracle, *range(1, len(step.children) + 1))
     if step.kind == "random_selector":
-        return _nondet_value(value, oracle, *_unknown_weights(len(step.children)))
+        return _nondet_value(value, oracle, *_unknown_weights(value, [child.name for child in step.children]))
     every_tick = step.kind in MODIFIERS and MODIFIERS[step.kind].every_tick
     return replace(_nondet_value(value, oracle, True, False), every_tick=every_tick)
 
 
-def _unknown_weights(children: int) -> list[Weights]:
-    """Return possible weights of the children, one tuple for each set of children that can have a weight above 0.
+class UnknownWeights(tuple[float, ...]):
+    """Weights of which only is known which are above 0; as a text, they are the names of those children."""
+
+    names: Sequence[str]
+
+    def __str__(self) -> str:
+        return f"above 0 for {', '.join(name for name, weight in zip(self.names, self, strict=True) if weight)}"
+
+
+def _unknown_weights(value: Value, names: Sequence[str]) -> list[Weights]:
+    """Return possible weights of children, one tuple for each set of children that can have a weight above 0.
 
     With more than ``MAX_ORDERED_CHILDREN`` children, return only equal weights.
     """
-    if children > MAX_ORDERED_CHILDREN:
-        return [(1.0,) * children]
-    return [tuple(float(number >> place & 1) for place in range(children)) for number in range(1, 2**children)]
+    if len(names) > MAX_ORDERED_CHILDREN:
+        return [(1.0,) * len(names)]
+    (tree,) = syntax_trees(value)
+    members = tree.elts if isinstance(tree, ast.List) and len(tree.elts) == len(names) else [tree] * len(names)
+    known = [(float(bool(each.value)),) if isinstance(each, ast.Constant) else (0.0, 1.0) for each in members]
+    found = [UnknownWeights(weights) for weights in product(*known) if any(weights)]
+    for weights in found:
+        weights.names = names
+    return list(found)
 
 
 def _nondet_value(value: Value, oracle: Oracle, *options: object) -> NondetValue:

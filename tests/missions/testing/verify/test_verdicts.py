@@ -480,3 +480,20 @@ def test_param_without_a_value_that_is_set_again_is_known_from_the_start() -> No
     tree = "sequence: [{set: {n: '${n + 1}'}}, {log: '${n}'}, {drive: 1 m, if: n > 2}]"
     report = verify(plan_of(tree, params="{n: {type: count}}"), ManualClock())
     assert report.outcome == PROVED
+
+
+def test_unreached_child_of_the_weight_zero_is_explained() -> None:
+    report = explored("random_selector: [{look: 0 deg}, {say: Hi}]\nweights: [1, 0]")
+    (finding,) = report.verdicts[1].findings
+    assert finding.fault.message == "'say' is never reached"
+    assert finding.fault.suggestion == "'random_selector' (line 4): its weight is always 0"
+
+
+@pytest.mark.parametrize(("weights", "shown"), [("[n, n + 1]", "look"), ("[n, 1]", "look, say"), ("[1, 0]", "")])
+def test_trace_names_the_children_with_a_weight(weights: str, shown: str) -> None:
+    tree = f"random_selector: [{{look: 0 deg}}, {{say: Hi}}]\nweights: '${{{weights}}}'"
+    report = verify(plan_of(tree, "never: look before say", params="{n: {type: number}}"), ManualClock())
+    (finding,) = report.verdicts[-1].findings
+    choice = f"'${{{weights}}}' is above 0 for {shown}"
+    assert finding.run is not None
+    assert (choice in finding.run[0].choices) == bool(shown)
