@@ -81,7 +81,7 @@ def tree_element(tree: Behaviour, target: str, report: ImportReport) -> Element:
     reader = _TreeReader(target, report)
     body = reader.element(tree, 1)
     for each in walk_elements(body):
-        each.attributes = {key: clean_text(value) for key, value in each.attributes.items()}
+        each.attributes = {key: clean_text(str(value)) for key, value in each.attributes.items()}
     name = target.rpartition(":")[2]
     element = Element("BehaviorTree", {"ID": name}, reader.source, 1, children=[body])
     return Element("root", {"BTCPP_format": "4", "main_tree_to_execute": name}, reader.source, 1, children=[element])

@@ -142,9 +142,11 @@ tree:
 
 def test_names_of_python_trees_are_cleaned() -> None:
     tree = Sequence("a\x1b\u2028\ud800b", memory=True, children=[Success("\x00")])
+    tree.add_child(Success("x"))
+    tree.children[1].name = 5  # type: ignore[assignment]
     root = tree_element(tree, "module:function", ImportReport())
     names = [each.attributes["name"] for each in walk_elements(root) if "name" in each.attributes]
-    assert names == ["a   b", " "]
+    assert names == ["a   b", " ", "5"]
 
 
 @pytest.mark.parametrize(
