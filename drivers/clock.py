@@ -24,6 +24,20 @@ class SystemClock:
         return time.monotonic() - self._zero
 
 
+class ProcessClock:
+    """Clock of the CPU time that this process has used since the creation of this object.
+
+    Other programs on the same computer do not affect it.
+    """
+
+    def __init__(self) -> None:
+        self._zero = time.process_time()
+
+    def now(self) -> float:
+        """Return the CPU time in seconds."""
+        return time.process_time() - self._zero
+
+
 class ManualClock:
     """Fake clock that only moves when it is advanced: for tests and for simulated time."""
 

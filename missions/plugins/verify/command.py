@@ -10,7 +10,7 @@ from behaviours.leaf import Leaf
 from config.diagnostics import InvalidFileError
 from config.library import UnknownNameError
 from config.units import quantity_text
-from drivers.clock import SystemClock
+from drivers.clock import ProcessClock
 from missions.cli.default_robot import load_mission_for, robot_option, robots_for
 from missions.cli.names import MISSION
 from missions.cli.numbers import WholeNumber
@@ -38,7 +38,7 @@ from missions.plugins.verify.verdicts import MAX_STATES, TIME_LIMIT, verify
     default=quantity_text(TIME_LIMIT, "duration"),
     show_default=True,
     metavar="TIME",
-    help="Time limit for each mission; what is proved by then is reported.",
+    help="Limit on the CPU time for each mission; what is proved by then is reported.",
 )
 @robot_option
 @click.option("--json", "as_json", is_flag=True, help="Print the verdicts as JSON.")
@@ -93,5 +93,5 @@ def _verify_mission(
         click.echo(f"mission: {error}", err=True)
     else:
         seconds = load_robot(able).sensor_timeout
-        return verify(plan, SystemClock(), bound=bound, limit=limit, sensor_timeout=seconds)
+        return verify(plan, ProcessClock(), bound=bound, limit=limit, sensor_timeout=seconds)
     return None

@@ -281,7 +281,7 @@ MAX_STATES = 10_000
 """Default maximum of explored states; the shipped missions have a few hundred at most."""
 
 TIME_LIMIT = 60.0
-"""Default time limit of an exploration in seconds."""
+"""Default limit on the CPU time of an exploration, in seconds: the load of the computer does not decide a verdict."""
 
 
 def verify(
@@ -294,8 +294,8 @@ def verify(
 ) -> VerificationReport:
     """Explore a mission and return the report.
 
-    The exploration is limited to ``bound`` states and ``limit`` seconds by ``clock``. The robot waits for its sensors
-    for ``sensor_timeout`` seconds.
+    The exploration is limited to ``bound`` states and ``limit`` seconds by ``clock``, a clock of CPU time. The robot
+    waits for its sensors for ``sensor_timeout`` seconds.
     """
     began = clock.now()
     space = StateSpace(MissionModel(plan, sensor_timeout), bound, lambda: clock.now() - began >= limit)
@@ -314,7 +314,7 @@ def _describe_omissions(space: StateSpace, limit: float) -> str:
         more = (
             f"--limit '{quantity_text(10 * limit, 'duration')}'" if space.out_of_time else f"--bound {10 * space.bound}"
         )
-        when = f"after {quantity_text(limit, 'duration')} " if space.out_of_time else ""
+        when = f"after {quantity_text(limit, 'duration')} of CPU time " if space.out_of_time else ""
         return f"{when}{len(space.open)} of {len(space.places)} states were not fully explored; try {more}"
     if not space.is_complete:
         return "not every order of a random composite with many children was tried"

@@ -1,7 +1,9 @@
 """``mission verify`` as its users meet it: what it prints, its exit codes, and its JSON."""
 
+import itertools
 import json
 import re
+import time
 from pathlib import Path
 
 import pytest
@@ -88,7 +90,19 @@ def test_a_limit_of_time_is_no_proof_either(folder: Path, capsys: pytest.Capture
     del folder
     outcome = verify(capsys, "good.yaml", "--limit", "0 s")
     assert outcome.code == 1
-    assert "after 0 s 1 of 1 states were not fully explored; try --limit" in outcome.out
+    assert "after 0 s of CPU time 1 of 1 states were not fully explored; try --limit" in outcome.out
+
+
+def test_only_the_time_of_this_process_counts(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    del folder
+    real = time.monotonic
+    monkeypatch.setattr(time, "monotonic", lambda: 1000.0 * real())  # another program takes the processor
+    assert verify(capsys, "good.yaml", "--limit", "10 s").code == 0
+    ticks = itertools.count(0.0, 1.0)
+    monkeypatch.setattr(time, "process_time", lambda: next(ticks))
+    assert "after 1 s of CPU time" in verify(capsys, "good.yaml", "--limit", "1 s").out
 
 
 def test_a_folder_is_verified_file_by_file(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
