@@ -101,7 +101,8 @@ def read_fault(phrase: Phrase, node_error: NodeError, others: Mapping[str, str] 
     detail, amount = _read_joint(phrase, state) if of_joint else _read_detail(phrase, state)
     start, seconds, moment = _read_time(phrase, node_error)
     if state in PERMANENT_STATES and seconds < math.inf:
-        phrase.add_fault(f"'{state}' does not end by itself", "remove its end")
+        again = "; write the next level as another fault: 'base battery at 90 % at 15 s'" if state == "battery" else ""
+        phrase.add_fault(f"'{state}' does not end by itself", f"remove its end{again}")
     if state in TEMPORARY_STATES and seconds == math.inf:
         phrase.add_fault(f"'{part} {state}' needs an end", f"such as '{part} {state} at 3 s for 2 s'")
     phrase.expect_end()

@@ -66,33 +66,32 @@ class _MockReader:
     def read(self, value: Node) -> Script:
         """Return the turns of a script, or of a mapping with ``does``, ``result`` and ``then``."""
         if not isinstance(value, Mapping):
-            return self._read_script(value)
+            return self._read_script(value, is_last=True)
         does, result, then = (value.get(word) for word in ("does", "result", "then"))
         if does is None and result is None:
             hint = f"write {self._key.text}: {{result: ...}}, or {{does: ...}} {SCRIPT_HINT}"
             self._fields.add_error(value.mark, "a mock needs the outcome of its first start", hint)
-        turns = self._read_turns(does, result, "'result'")
-        if then is None:
-            return turns
-        entries = then.items if isinstance(then, Listing) else [then]
-        if not entries:
+        entries = then.items if isinstance(then, Listing) else [] if then is None else [then]
+        turns = self._read_turns(does, result, "'result'", is_last=not entries)
+        if then is not None and not entries:
             self._fields.add_error(then.mark, "'then' has no results", "leave it out, or write then: [RESULT, RESULT]")
         for number, entry in enumerate(entries, start=1):
-            turns += self._read_entry(entry, f"entry {number} of 'then'" if len(entries) > 1 else "'then'")
+            label = f"entry {number} of 'then'" if len(entries) > 1 else "'then'"
+            turns += self._read_entry(entry, label, is_last=number == len(entries))
         return turns
 
-    def _read_entry(self, entry: Node, label: str) -> Script:
+    def _read_entry(self, entry: Node, label: str, *, is_last: bool) -> Script:
         """Return the turns of an entry of ``then``: a result, or a mapping with ``does`` or ``result``."""
         words = {*entry.keys()} if isinstance(entry, Mapping) else set()
         has_turn_keys = "does" in words or (words == {"result"} and not self._has_result_member)
         if not isinstance(entry, Mapping) or not has_turn_keys:
-            return self._read_turns(None, entry, label)
+            return self._read_turns(None, entry, label, is_last=is_last)
         turn = Fields(self._fields.source, entry, self._fields.diagnostics, subject=label)
         before = len(turn.diagnostics)
         read_keys(turn, MockTurnKeys)
         if len(turn.diagnostics) > before:
             return ()
-        return self._read_turns(entry.get("does"), entry.get("result"), "'result'")
+        return self._read_turns(entry.get("does"), entry.get("result"), "'result'", is_last=is_last)
 
     @property
     def _has_result_member(self) -> bool:
@@ -102,9 +101,9 @@ class _MockReader:
             kind.other_kind is not None or "result" in settable_members(kind) for kind in records
         )
 
-    def _read_turns(self, does: Node | None, result: Node | None, label: str) -> Script:
+    def _read_turns(self, does: Node | None, result: Node | None, label: str, *, is_last: bool) -> Script:
         """Return the turns of a script; those that end with a result get the value of ``result``."""
-        turns = (MockTurn("success"),) if does is None else self._read_script(does)
+        turns = (MockTurn("success"),) if does is None else self._read_script(does, is_last=is_last)
         if result is None:
             return turns
         value = self._read_result(result, label)
@@ -116,7 +115,7 @@ class _MockReader:
             self._fields.add_error(result.mark, message, "leave 'does' out, or write 'succeeds' in it")
         return tuple(replace(turn, result=value) if turn.end in ends else turn for turn in turns)
 
-    def _read_script(self, node: Node) -> Script:
+    def _read_script(self, node: Node, *, is_last: bool) -> Script:
         if not isinstance(node, Scalar):
             return ()
         if (with_it := re.match(r"succeeds\s+with\s+(.+)", node.text)) is not None:
@@ -128,7 +127,7 @@ class _MockReader:
             hint = f"write {self._key.text}: {{result: {node.text}}}, or a script {SCRIPT_HINT}"
             self._fields.add_error(node.mark, f"{quoted_value(node.text)} is not the script of a mock", hint)
             return ()
-        return read_script(Phrase(self._fields.source, node, self._fields.diagnostics))
+        return read_script(Phrase(self._fields.source, node, self._fields.diagnostics), is_last=is_last)
 
     def _read_result(self, node: Node, label: str) -> object:
         """Return the value in ``node``, which must have the type of the output that is mocked."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from fnmatch import fnmatchcase
 from operator import itemgetter
@@ -22,7 +22,7 @@ from perception.api import Percept
 # Script of a mock in a test file: ``fails twice, then succeeds``, ``runs for 2 s, then fails``.
 #
 # A script is a list of turns. Each start of a mock takes one, whether the mock ends or is halted
-# before; the last turn is repeated.
+# before; the last turn is repeated. After counted failures (``fails twice``) the mock succeeds.
 
 DEFAULT_REASON = "failed as requested"
 """Reason of a mock's failure if the script gives none."""
@@ -36,7 +36,7 @@ class MockTurn:
     """Result of a mock for one of its starts: it runs for ``seconds`` and ``ticks``, then returns ``end``.
 
     ``end`` is success or failure, or running if the mock never ends (then both times are infinite). ``times`` is the
-    number of consecutive starts to which this turn applies.
+    number of consecutive starts to which this turn applies; ``is_counted`` is true if the script names it.
     """
 
     end: str
@@ -45,13 +45,18 @@ class MockTurn:
     ticks: float = 0.0
     reason: str = ""
     result: object = None
+    is_counted: bool = field(default=False, compare=False)
 
 
 Script = tuple[MockTurn, ...]
 
 
-def read_script(phrase: Phrase) -> Script:
-    """Return the turns in the script of a mock; an error is reported, and the turns before it are returned."""
+def read_script(phrase: Phrase, *, is_last: bool = True) -> Script:
+    """Return the turns in the script of a mock; an error is reported, and the turns before it are returned.
+
+    With ``is_last``, nothing follows the script: a mock that fails twice then succeeds, and the count of another last
+    turn is an error.
+    """
     turns: list[MockTurn] = []
     waited: MockTurn | None = None  # "runs for 2 s": the beginning of the next turn
     while True:
@@ -69,7 +74,16 @@ def read_script(phrase: Phrase) -> Script:
     if phrase.word == "then":
         phrase.add_fault("a comma is missing before 'then'", EXAMPLE)
     phrase.expect_end()
+    if is_last and turns and turns[-1].is_counted:
+        if turns[-1].end != "failure":
+            phrase.add_fault("the starts after these are missing", _next_turn_hint(turns[-1].end))
+        turns.append(MockTurn("success"))
     return tuple(turns)
+
+
+def _next_turn_hint(end: str) -> str:
+    verb = {"success": "succeeds", "running": "runs"}[end]
+    return f"write '{verb} twice, then fails', or '{verb}' alone for all starts"
 
 
 def _read_turn(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
@@ -81,7 +95,7 @@ def _read_turn(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
     turn = MockTurn("success") if verb == "succeeds" else MockTurn("failure", reason=DEFAULT_REASON)
     if waited is not None:
         turn = replace(turn, seconds=waited.seconds, ticks=waited.ticks)
-    turn = replace(turn, times=_read_times(phrase))
+    turn = _read_times(phrase, turn)
     if waited is None and phrase.take_if("after"):
         turn = _read_duration(phrase, turn)
     if verb == "fails" and phrase.take_if("because"):
@@ -94,7 +108,7 @@ def _read_running(phrase: Phrase, waited: MockTurn | None) -> MockTurn:
         phrase.add_fault("it is already running", "write how that ends: 'succeeds' or 'fails'")
     if phrase.take_if("for"):
         return _read_duration(phrase, MockTurn("running"))
-    return MockTurn("running", times=_read_times(phrase), seconds=math.inf, ticks=math.inf)
+    return _read_times(phrase, MockTurn("running", seconds=math.inf, ticks=math.inf))
 
 
 def _read_duration(phrase: Phrase, turn: MockTurn) -> MockTurn:
@@ -106,13 +120,14 @@ def _read_duration(phrase: Phrase, turn: MockTurn) -> MockTurn:
     return replace(turn, seconds=phrase.take_quantity("how long", "duration"))
 
 
-def _read_times(phrase: Phrase) -> int:
-    """Return how often a turn is repeated; 1 if the phrase does not say."""
+def _read_times(phrase: Phrase, turn: MockTurn) -> MockTurn:
+    """Return ``turn`` with the number of starts that the phrase names, if it names one."""
     if phrase.following_word == "times":
         times = phrase.take_count("how often")
         phrase.take()
-        return times
-    return 2 if phrase.take_if("once", "twice") == "twice" else 1
+        return replace(turn, times=times, is_counted=True)
+    word = phrase.take_if("once", "twice")
+    return replace(turn, times=2 if word == "twice" else 1, is_counted=True) if word else turn
 
 
 WILDCARDS = frozenset("*?")

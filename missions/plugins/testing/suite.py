@@ -32,9 +32,8 @@ def read_given(fields: Fields, setting: CaseSetting) -> tuple[tuple[MockSpec, ..
     for place, node in enumerate(listed.items if isinstance(listed, Listing) else []):
         if any(path[:2] == ("given", place) for path in fields.wrong_places):
             continue
-        if isinstance(node, Mapping) and len(node.entries) == 1:
-            key, value = node.entries[0]
-            mocks.append(read_mock(fields, key, value, setting))
+        if isinstance(node, Mapping) and node.entries:
+            mocks += [read_mock(fields, key, value, setting) for key, value in node.entries]
         elif isinstance(node, Scalar):
             mishaps.append(_read_fault(fields, node, setting))
         else:

@@ -58,7 +58,13 @@ def moment(text: str) -> EventSpec:
         ('fails because "out of reach, alas"', [MockTurn("failure", reason="out of reach, alas")]),
         ("succeeds after 2 s", [MockTurn("success", seconds=2.0)]),
         ("succeeds after 500ms", [MockTurn("success", seconds=0.5)]),
-        ('fails once after 3 ticks because "x"', [MockTurn("failure", ticks=3, reason="x")]),
+        ('fails after 3 ticks because "x"', [MockTurn("failure", ticks=3, reason="x")]),
+        ('fails once after 3 ticks because "x"', [MockTurn("failure", ticks=3, reason="x"), MockTurn("success")]),
+        ("fails twice", [MockTurn("failure", 2, reason=DEFAULT_REASON), MockTurn("success")]),
+        (
+            "succeeds, then fails 3 times",
+            [MockTurn("success"), MockTurn("failure", 3, reason=DEFAULT_REASON), MockTurn("success")],
+        ),
         ("runs for 2 s, then fails", [MockTurn("failure", seconds=2.0, reason=DEFAULT_REASON)]),
         (
             "runs for 1 tick, then succeeds twice, then fails",
@@ -98,7 +104,7 @@ TURNS = st.one_of(
 
 @given(st.lists(TURNS, min_size=1, max_size=5))
 def test_every_script_can_be_written_and_read_back(turns: list[MockTurn]) -> None:
-    assert script(", then ".join(map(written, turns))) == tuple(turns)
+    assert script(", then ".join([*map(written, turns), "succeeds"])) == (*turns, MockTurn("success"))
 
 
 @pytest.mark.parametrize(
@@ -160,6 +166,8 @@ def test_event_phrase_is_parsed(text: str, expected: EventSpec) -> None:
         ("runs for 2 s", 13, "the end after 'runs for' is missing"),
         ("runs for 2 s, then runs", 24, "it is already running"),
         ("succeeds, then", 15, "is missing here"),
+        ("succeeds twice", 15, "the starts after these are missing"),
+        ("fails, then runs 2 times", 25, "the starts after these are missing"),
     ],
 )
 def test_fault_in_a_mock_script_is_marked_at_its_word(text: str, column: int, message: str) -> None:

@@ -143,6 +143,7 @@ returns: {answer: answer}
         ("{result: again, then: stop}", "said: [again, stop], ran: {listen: 2}"),
         ("{does: succeeds twice, result: again, then: stop}", "said: [again, again, stop], ran: {listen: 3}"),
         ('{result: again, then: [{does: fails because "deaf"}, stop]}', "said: [again, stop], ran: {listen: 3}"),
+        ("{does: fails once, result: stop}", "said: stop, ran: {listen: 2}"),
         ('{does: fails because "deaf", then: stop}', "said: stop, order: [listen fails, listen succeeds]"),
         ("{does: 'fails, then succeeds', result: again, then: [{result: stop}]}", "said: [again, stop]"),
         ("{result: again, then: {does: succeeds after 2 s, result: stop}}", "after: 2 s, said: [again, stop]"),
@@ -151,6 +152,11 @@ returns: {answer: answer}
 def test_mock_returns_one_result_after_another(mock: str, expect: str, tmp_path: Path) -> None:
     body = f"given: [{{listen: {mock}}}], expect: {{result: success, returns: {{answer: stop}}, {expect}}}"
     assert seen(played(tmp_path, DIALOGUE, body)) == []
+
+
+def test_one_entry_can_hold_several_mocks(tmp_path: Path) -> None:
+    mocks = '{listen: {result: stop}, say: fails because "hoarse"}'
+    assert seen(played(tmp_path, DIALOGUE, f"given: [{mocks}], expect: {{result: failure, reason: hoarse}}")) == []
 
 
 def test_last_entry_is_repeated(tmp_path: Path) -> None:
