@@ -74,7 +74,7 @@ def value_text(value: object) -> str:
         case Percept():
             text = percept_text(value)
         case list() | tuple():
-            text = ", ".join(value_text(each) for each in value) or "nothing"
+            text = ", ".join(map(_member_text, value)) or "nothing"
         case _:
             text = one_line(_plain(value))
     return text if len(text) <= MAX_SHOWN_LENGTH else f"{text[: MAX_SHOWN_LENGTH - 1]}…"
@@ -91,7 +91,7 @@ def variable_text(event: VariableSet) -> str:
 def _plain(value: object) -> str:
     """Return a value as text; for an object, its fields that are numbers and texts: "Touch: side left"."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{name}: {value_text(each)}" for name, each in value.items()) or "nothing"
+        return ", ".join(f"{name}: {_member_text(each)}" for name, each in value.items()) or "nothing"
     if isinstance(value, type) or not is_dataclass(value):
         return format_value(value)
     sizes = member_dimensions(value.__class__)
@@ -99,6 +99,17 @@ def _plain(value: object) -> str:
     told = {name: each for name, each in held.items() if isinstance(each, bool | int | float | str)}
     members = (f"{name} {_with_unit(each, sizes.get(name, ''))}" for name, each in told.items())
     return f"{type(value).__name__}: {', '.join(members)}"
+
+
+def _member_text(value: object) -> str:
+    """Return a member as text, with brackets around a list and braces around a mapping."""
+    match value:
+        case Mapping():
+            return f"{{{value_text(value)}}}"
+        case list() | tuple():
+            return f"[{value_text(value)}]"
+        case _:
+            return value_text(value)
 
 
 def _with_unit(value: object, dimension: str) -> str:

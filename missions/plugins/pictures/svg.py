@@ -194,7 +194,7 @@ def svg(drawing: TreeDrawing) -> str:
     canvas = SvgCanvas.new_page(drawing.mission, wide + 2 * MARGIN, HEADER + layout.height + LEGEND)
     _header(canvas, drawing, MARGIN, wide)
     _TreeDrawing(canvas.group("tree", MARGIN, HEADER), live, {}).draw(layout)
-    statuses = {box.status for box in drawing.root.walk()}
+    statuses = {status for box in drawing.root.walk() for status in (box.status, *(each.status for each in box.badges))}
     kinds = {kind_of(box) for box in drawing.root.walk()}
     samples = [("card", it, sign) for it, sign in SIGNS.items() if it in statuses]
     bands = [("band", it, sign) for it, sign in KINDS.items() if it in kinds]

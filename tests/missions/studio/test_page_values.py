@@ -85,6 +85,7 @@ params:
   share: 20 %
   flag: true
   list: [one, two]
+  points: [{x: 1 m, y: 0 m}, {x: 2 m, y: 1 m}]
   small: 0.00001 m
 tree:
   sequence:
@@ -93,6 +94,7 @@ tree:
       with: {word: "${greeting} you"}
     - mission: part.yaml
     - drive: 1 cm
+      if: base.docked
     - wait: 1000 s
       name: waits ${small}
       timeout: ${small * 1e9 / 1 m * 1 s}
@@ -121,6 +123,11 @@ def test_the_tree_shows_values_and_their_names_where_the_mouse_rests(
         assert hover[:2] == ["${greeting}", "${greeting}"]
         assert any("say: Hello:" in each.name for each in page.tab.all("treeitem"))
         page.wait_for("share: 20 %", "flag: yes", "list: one, two", "small: 0.00001 m")
+        page.wait_for("points: {x: 1 m, y: 0 m}, {x: 2 m, y: 1 m}")
+        sign = "(each) => [each.title, getComputedStyle(each, '::before').content.trim()]"
+        skipped = f"[...document.querySelectorAll('.badge.skipped')].map({sign})"
+        wait_until(lambda: page.tab.evaluate(skipped))
+        assert page.tab.evaluate(skipped) == [["not true: base.docked", '"»\u00a0"']]
         page.wait_for("turn 0°/s", "battery 100 %")
         wait_until(lambda: page.says("part: word"))  # by its mission, not by the key of a node
         assert page.tab.errors == []
@@ -134,6 +141,7 @@ def test_initial_values_include_all_submissions(tmp_path: Path) -> None:
     }
     assert found == {
         "greeting": "Hello", "share": "20 %", "flag": "yes", "list": "one, two", "small": "0.00001 m",
+        "points": "{x: 1 m, y: 0 m}, {x: 2 m, y: 1 m}",
         "1.2 word": "Hello you", "1.2 far": "20 cm", "1.3 word": "Default", "1.3 far": "20 cm",
     }  # fmt: skip
 

@@ -232,7 +232,7 @@ export class Tree extends HTMLElement {
         block.set(status, reason ?? "", since ?? null);
         block.tick(this.#t);
         if (this.follow) this.#scroll();
-      } else if (this.#badges.has(key)) this.#badges.get(key).className = `badge ${status}`;
+      } else if (this.#badges.has(key)) Object.assign(this.#badges.get(key), { className: `badge ${status}`, title: reason ?? "" });
     }
     const visited = new Set(this.#visited);
     for (const [key, block] of this.#blocks) {

@@ -61,6 +61,13 @@ def test_each_status_has_its_own_sign_and_border(status: Status) -> None:
     assert len(set(borders.values())) == len(SIGNS), borders
 
 
+def test_legend_has_the_status_of_a_skipped_modifier() -> None:
+    drawing = drawing_of(plan_of("\n  say: Hello\n  if: 1 > 2\n"))
+    picture = svg(with_states(drawing, {"1": NodeState("skipped", "not true: 1 > 2", 0.0)}, 1.0))
+    assert texts(picture, "badge") == ["» if 1 > 2"]
+    assert "skipped" in texts(picture, "within")
+
+
 def test_a_mission_at_rest_has_no_signs_of_statuses() -> None:
     assert texts(svg(drawing_of(load_mission("greet"))), "sign") == []
 
