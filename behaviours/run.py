@@ -70,7 +70,7 @@ class RunState:
     - ``tick_time``: time at which the clock is frozen during a tick, else None
     - ``last_tick_at``: time of the tick before, None in the first
     - ``variables_changed``: set when variables may have changed; the reporter clears it
-    - ``is_held``: true while the mission is paused, so that nothing may move between two ticks
+    - ``is_held``: true in a pause, and after the end, so that no thread of a leaf may move anything
     - ``dead_reckoned``: set when a motion has succeeded by dead reckoning
 
     For observers in other threads, on the ``wall`` clock (the run's own, unless that is simulated): ``heartbeat_at`` is

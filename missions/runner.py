@@ -342,6 +342,7 @@ class Runner:
             yield
         finally:
             self.watchdog.is_armed = False
+            self._context.is_held = True  # no thread of a leaf moves anything while the parts close
             self._context.record_heartbeat()
             self._close()
 

@@ -360,7 +360,7 @@ class OnceModifier(Modifier):
 class FinallyModifier(Modifier):
     """Runs the node, then once its second member, the ``cleanup``; the modifier ends with the result of the node.
 
-    - The cleanup also runs if the node is halted, but not if the node was skipped.
+    - The cleanup also runs if the node is halted, and if it is skipped after it has run, as within a ``repeat``.
     - It is a part of the end or the halt of the node: no other node starts before the cleanup is over.
     - It is halted after the time limit in ``setting`` (s), or of a cleanup that contains it, but has at least one tick.
     - It cannot move anything. `mission check` refuses leaves in it that claim an actuator. A cleanup with such a leaf
@@ -368,8 +368,9 @@ class FinallyModifier(Modifier):
     - So it may also run while time passes without ticks.
     """
 
-    run_state = ("setting", "_cleanup_since")
+    run_state = ("setting", "_cleanup_since", "_has_run")
     _cleanup_since: float | None = None
+    _has_run = False  # the node was not skipped in its first tick
     _cleanup_tick = -1
 
     @property
@@ -378,11 +379,19 @@ class FinallyModifier(Modifier):
         return self.members[1]
 
     def begin(self) -> None:
-        self._cleanup_since = None
+        self._cleanup_since, self._has_run = None, False
         reset_all(self.members)
 
+    def tick_child(self) -> Status:
+        if self._has_run:
+            return self.member_ended(self.child, self.child.execute_tick())
+        return super().tick_child()
+
     def conclude(self, status: Status) -> Status:
-        return RUNNING if status is RUNNING else self.end(status)
+        if status is not RUNNING:
+            return self.end(status)
+        self._has_run |= self.suspension is None
+        return RUNNING
 
     def end(self, status: Status) -> Status:
         """Halt the node, then run the cleanup; return ``status`` once that is over, RUNNING until then."""
@@ -390,7 +399,7 @@ class FinallyModifier(Modifier):
         if not self.child.halt() or not self._clean_up():
             return RUNNING
         self.ending = self._ending_for = None
-        return status
+        return self.skip(self.child.feedback_message) if status is SUCCESS and self.child.is_skipped else status
 
     def _clean_up(self) -> bool:
         """Start the cleanup, or tick it; return whether it is over. It is ticked once in a tick of the run."""
