@@ -10,6 +10,7 @@ from typing import ClassVar
 import click
 
 from behaviours.leaf import Leaf
+from config.library import kinds_of
 from config.units import si_value
 from missions.library.shipped import TEST_SUFFIX, behaviour_files
 from missions.library.vocabulary import behaviour_files_beside, load_leaves
@@ -101,16 +102,23 @@ def name_value_callback(
 def mission_files_in(name: str, *, tests: bool = True) -> list[str]:
     """Return ``name``, or if it is a folder, the missions in it, with their test files if ``tests`` is true.
 
-    Hidden files are left out, such as those that an interrupted command has left.
+    Files of other kinds are left out, such as worlds, and hidden files, such as those that an interrupted command has
+    left.
     """
     folder = Path(name)
     if not folder.is_dir():
         return [name]
     files = (path for path in sorted(folder.glob("[!.]*.yaml")) if path.is_file())
-    found = [str(path) for path in files if tests or not path.name.endswith(TEST_SUFFIX)]
+    found = [str(path) for path in files if (tests if path.name.endswith(TEST_SUFFIX) else _may_be_mission(path))]
     if not found:
         raise click.UsageError(f"{name}: no missions (*.yaml) in this folder")
     return found
+
+
+def _may_be_mission(path: Path) -> bool:
+    """Return whether a file is a mission, or of no known kind, such as a mission without its first key."""
+    kinds = kinds_of(path)
+    return not kinds or "missions" in kinds
 
 
 def leaf_loader(required_files: Sequence[Path]) -> Callable[[str], Mapping[str, type[Leaf]]]:

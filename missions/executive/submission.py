@@ -14,7 +14,7 @@ from missions.language.plan import Step
 
 
 class Submission(Parent, Decorator):
-    """Runs the tree of another mission.
+    """Runs the tree of another mission, named ``mission``.
 
     ``params`` are evaluated with the caller's variables at each start; ``inner`` holds the variables of the
     sub-mission, cleared at each start. ``returns`` are expressions, evaluated with ``inner`` at the end. Their values
@@ -27,6 +27,7 @@ class Submission(Parent, Decorator):
         name: str,
         child: Node,
         *,
+        mission: str,
         params: Mapping[str, Value],
         returns: Mapping[str, Value],
         inner: dict[str, object],
@@ -34,6 +35,7 @@ class Submission(Parent, Decorator):
     ) -> None:
         Decorator.__init__(self, name, child)
         self.members = (child,)
+        self.mission = mission
         self.params = params
         self.returns = returns
         self.inner = inner
@@ -42,8 +44,15 @@ class Submission(Parent, Decorator):
 
     @classmethod
     def from_step(cls, step: Step, children: Sequence[Node], inner: dict[str, object]) -> Self:
-        params, returns = step.arguments, step.returns
-        return cls(step.name, children[0], params=params, returns=returns, inner=inner, keep_as=step.output_variable)
+        return cls(
+            step.name,
+            children[0],
+            mission=step.text,
+            params=step.arguments,
+            returns=step.returns,
+            inner=inner,
+            keep_as=step.output_variable,
+        )
 
     def on_start(self) -> str:
         (child,) = self.members

@@ -13,6 +13,7 @@ from drivers.api.fast_dataclass import dataclass
 from missions.language.check_context import CheckContext
 from missions.language.expressions import Value
 from missions.language.modifiers import read_expression
+from missions.language.nodes import MISSION
 from missions.language.param_types import Param, find_setters, read_params, single_kind_leaves
 from missions.language.plan import MissionProperty, PlaceholderLeaf, Step
 from missions.language.split_values import join_split_values
@@ -62,7 +63,10 @@ def property_names(tree: Step) -> set[str]:
     return {
         word
         for step in tree.walk()
-        for word in (step.kind if step.leaf is not None else "", step.name if step.name != step.kind else "")
+        for word in (
+            step.word if step.leaf is not None or step.kind == MISSION else "",
+            step.name if step.name != step.kind else "",
+        )
         if word
     }
 

@@ -55,6 +55,11 @@ class Step:
             yield step
             waiting.extend(reversed(step.children))
 
+    @property
+    def word(self) -> str:
+        """Word by which tests and properties name the step: its ``kind``, or the name of the mission that it runs."""
+        return self.text if self.kind == MISSION else self.kind
+
     @cached_property
     def direct_variables(self) -> frozenset[str]:
         """Variables of its mission that the step itself sets."""

@@ -109,8 +109,12 @@ def test_check_reports_all_mistakes_of_all_files_and_exits_with_2(mission: Missi
 def test_check_of_a_folder_checks_every_mission_in_it(mission: Mission) -> None:
     write("good.yaml", "  succeed\n")
     write("bad.yaml", "  suceed\n")
+    for name, text in {"lab.yaml": "world: lab\n", "mine.yaml": "robot: mine\n"}.items():
+        Path(name).write_text(text, encoding="utf-8")
     outcome = mission("check", ".")
     assert outcome.code == 2
+    assert "1 error" in outcome.err
+    assert "lab" not in outcome.out + outcome.err
     assert "good.yaml: good" in outcome.out
     assert "bad.yaml:3:3" in outcome.err
 

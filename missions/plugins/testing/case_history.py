@@ -18,10 +18,12 @@ from missions.executive.events import (
     Ticked,
 )
 from missions.executive.executive import Result
+from missions.executive.submission import Submission
 from missions.language.nodes import MODIFIERS
 from missions.language.outcomes import possible_ends
 from missions.language.plan import Step
 from missions.plugins.testing.event_specs import ObservedEvent
+from missions.plugins.testing.mocks import Mock
 from missions.trees.drawing import ACTIVE
 
 STANDSTILL_SPEED = 0.005
@@ -78,6 +80,7 @@ class CaseHistory:
     pose: Pose2D | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
     _velocity: Callable[[], Velocity] | None = None
+    _missions: dict[str, str] = field(default_factory=dict)
     _speaker: str = ""
     _leaves: list[Leaf] = field(default_factory=list)
     _offline_parts: set[str] = field(default_factory=set)
@@ -87,6 +90,8 @@ class CaseHistory:
 
     def attach(self, root: Node, velocity: Callable[[], Velocity] | None = None) -> None:
         """Observe a tree at every tick, and the base's true ``velocity``, if it has a base."""
+        missions = (node for node in root.iterate() if isinstance(node, Submission | Mock))
+        self._missions = {node.key: node.mission for node in missions if node.mission}
         self._leaves = [node for node in root.iterate() if isinstance(node, Leaf) and node.claims]
         self._velocity = velocity
 
@@ -149,7 +154,7 @@ class CaseHistory:
             self._running.discard(event.node)
         if event.kind in MODIFIERS:  # modifiers have the name of their node
             return
-        names = (event.kind, event.name)
+        names = (event.kind, self._missions.get(event.node, event.kind), event.name)
         if not ran and event.status not in ("idle", "skipped"):
             self._add_event(ObservedEvent(event.t, names, "starts", key=event.node))
         if event.status in END_VERBS:

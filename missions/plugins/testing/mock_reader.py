@@ -32,7 +32,7 @@ def read_mock(fields: Fields, key: Scalar, value: Node, setting: CaseSetting) ->
 
 def _report_unknown_target(fields: Fields, key: Scalar, setting: CaseSetting, mission: str) -> None:
     """Add the error that nothing in the mission that can be mocked has this name."""
-    words = [(step, word) for step in setting.nodes for word in (step.kind, step.name, step.text) if word]
+    words = [(step, word) for step in setting.nodes for word in (step.word, step.name) if word]
     known = {word for step, word in words if matches_step(word, step)}
     message = f"mission '{mission}' has no behaviour {quoted_value(key.text)}"
     hint = did_you_mean(key.text, known) or f"these can be mocked: {', '.join(sorted(known))}"

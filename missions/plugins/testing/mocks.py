@@ -157,7 +157,12 @@ class TurnSequence:
 
 
 class Mock(Leaf):
-    """Replaces another leaf: makes the same claims, takes the same arguments, and follows a script."""
+    """Replaces another leaf: makes the same claims, takes the same arguments, and follows a script.
+
+    ``mission`` is the name of the mission that it replaces, empty if it replaces another node.
+    """
+
+    mission = ""
 
     _turns: TurnSequence
     _turn: MockTurn
@@ -209,7 +214,7 @@ def match_step(target: str, step: Step) -> TargetMatch | None:
     """
     if step.kind in MODIFIERS:
         return None
-    word = step.text if step.kind == MISSION else step.kind
+    word = step.word
     if target == step.name and step.name != word:
         return TargetMatch.NAME
     if step.leaf is None and step.kind != MISSION:
@@ -265,7 +270,7 @@ def _mock_leaf(leaf: Leaf, turns: TurnSequence) -> Mock:
 
 def _mock_step(step: Step, turns: TurnSequence) -> Mock:
     """Return a mock in place of a mission or a composite, and of all nodes below it."""
-    mock_class: Any = type("MockTree", (Mock,), {"tag": step.kind, "drives": step.claims})
+    mock_class: Any = type("MockTree", (Mock,), {"tag": step.kind, "drives": step.claims, "mission": step.text})
     mock: Mock = mock_class(step.name)
     kind = RecordKind("the results of a mission", members=return_kinds(step) if step.kind == MISSION else {})
 

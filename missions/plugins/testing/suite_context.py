@@ -66,13 +66,13 @@ class CaseSetting:
 
     def steps(self, name: str) -> list[Step]:
         """Return the steps of the mission that have ``name`` as their name or word, such as ``drive``; no modifiers."""
-        return [step for step in self.nodes if name in (step.kind, step.name)]
+        return [step for step in self.nodes if name in (step.kind, step.word, step.name)]
 
     def node_error(self, name: str) -> str:
         """Return the error for a node name; empty if the mission has such a node."""
         if self.plan is None or self.steps(name):
             return ""
-        known = {word for step in self.nodes for word in (step.kind, step.name)}
+        known = {word for step in self.nodes for word in (step.kind, step.word, step.name)}
         return f"mission '{self.plan.mission}' has no {quoted_value(name)}; {suggest_from(name, known)}"
 
 

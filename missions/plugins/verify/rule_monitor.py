@@ -18,6 +18,7 @@ from missions.executive.modifiers import (
     UntilModifier,
 )
 from missions.executive.parent import Modifier
+from missions.executive.submission import Submission
 from missions.language.nodes import MODIFIERS
 from missions.language.plan import MissionProperty
 from missions.plugins.verify.choices import Oracle
@@ -151,7 +152,14 @@ def is_endless(node: Node) -> TypeGuard[RepeatModifier]:
 def _nodes_named(name: str, nodes: Sequence[Node]) -> list[Node]:
     """Return the nodes of a name: behaviours only, since their modifiers share the name."""
     nodes = [node for node in nodes if node.kind not in MODIFIERS]
-    return [node for node in nodes if node.name == name or (isinstance(node, Leaf) and node.kind == name)]
+    return [node for node in nodes if name in (node.name, _word_of(node))]
+
+
+def _word_of(node: Node) -> str:
+    """Return the word of a leaf, or the name of the mission that a node runs; empty for other nodes."""
+    if isinstance(node, Submission):
+        return node.mission
+    return node.kind if isinstance(node, Leaf) else ""
 
 
 def _leaves_named(name: str, nodes: Sequence[Node]) -> frozenset[Leaf]:

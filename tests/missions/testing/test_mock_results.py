@@ -154,6 +154,16 @@ def test_mock_returns_one_result_after_another(mock: str, expect: str, tmp_path:
     assert seen(played(tmp_path, DIALOGUE, body)) == []
 
 
+@pytest.mark.parametrize("name", ["inner", "a label"])
+def test_named_mission_keeps_the_name_of_its_file(name: str, tmp_path: Path) -> None:
+    write(tmp_path, {"inner.yaml": "mission: inner\ntree: {log: hi}\n"})
+    tree = "sequence: [{mission: inner, name: a label}, {say: Hi}]"
+    for mocks, result in (("", "success"), (f"given: [{{{name}: fails}}], ", "failure")):
+        expect = f"{{result: {result}, ran: {{{name}: 1}}, order: [{name} starts]}}"
+        verdict = played(tmp_path, f"mission: m\ntree: {{{tree}}}\n", f"{mocks}expect: {expect}")
+        assert seen(verdict) == []
+
+
 def test_one_entry_can_hold_several_mocks(tmp_path: Path) -> None:
     mocks = '{listen: {result: stop}, say: fails because "hoarse"}'
     assert seen(played(tmp_path, DIALOGUE, f"given: [{mocks}], expect: {{result: failure, reason: hoarse}}")) == []

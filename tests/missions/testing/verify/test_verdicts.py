@@ -217,6 +217,13 @@ class Careful(Leaf):
         return RUNNING
 
 
+@pytest.mark.parametrize("name", ["find_person", "seek"])
+def test_named_mission_keeps_the_name_of_its_file(name: str) -> None:
+    mission = "{mission: find_person, name: seek}"
+    assert outcome(f"sequence: [{mission}, {{say: Hi}}]", f"never: say before {name}") == PROVED
+    assert outcome(f"selector: [{mission}, {{say: Hi}}]", f"never: say before {name}") == REFUTED
+
+
 def test_slowly_stopping_leaf_is_awaited_before_another_drives() -> None:
     tree = """
 reactive_selector:
