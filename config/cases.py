@@ -148,7 +148,7 @@ class SuiteKeys:
         word="with",
         wrong="'{}' needs what all cases have in common",
         hint="such as {world: living_room}",
-        help="Keys that all cases share; keys of a case take precedence.",
+        help="Keys that all cases share; a case adds to lists and params, and replaces other keys.",
     )
     cases: tuple[CommonKeys, ...] = key(each="a case", help="Cases, a run each.")
 

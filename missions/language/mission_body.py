@@ -214,12 +214,7 @@ _SPLIT_VALUE = re.compile(r"[{\[].*\([^()]*,")
 
 def _with_joined_values(context: CheckContext, root: Mapping) -> Mapping:
     """Report each value that YAML has split at a comma, and return the mission with its parts joined."""
-
-    def report(value: Scalar) -> None:
-        message = f"{quoted_value(value.text)} is split at its comma in {{...}} or [...]"
-        context.fault(value.mark, message, f'put quotes around it: "{value.text}"')
-
-    joined = join_split_values(root, report)
+    joined = join_split_values(root, context.fault)
     return joined if isinstance(joined, Mapping) else root
 
 

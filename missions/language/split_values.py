@@ -1,16 +1,29 @@
-"""Values in flow style that YAML splits at a comma in brackets, such as ``{on: random(0, 2)}``: one error for each."""
+"""Values in flow style that YAML splits at a comma, such as ``{on: random(0, 2)}``: one error for each."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from itertools import takewhile
 
+from config.diagnostics import Mark
+from config.units import quoted_value
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
 
-Report = Callable[[Scalar], None]
-"""Function that is called with each split value, after its parts are joined."""
+Report = Callable[[Mark, str, str], object]
+"""Function that reports an error: its place, a message and a hint."""
+
+IsSplit = Callable[[str, str], bool]
+"""Function that returns whether a text is a part of a value that goes on with the part after it.
+
+The second text is empty for the end of the value.
+"""
 
 
-def join_split_values(node: Node, report: Report) -> Node:
+def has_open_bracket(text: str, part: str) -> bool:  # noqa: ARG001
+    """Return whether ``text`` has an opening bracket without the closing one."""
+    return text.count("(") > text.count(")")
+
+
+def join_split_values(node: Node, report: Report, is_split: IsSplit = has_open_bracket) -> Node:
     """Return ``node`` with the parts of each split value joined, so that the nodes around it can be read."""
     if isinstance(node, Mapping):
         entries: list[tuple[Scalar, Node]] = []
@@ -18,8 +31,8 @@ def join_split_values(node: Node, report: Report) -> Node:
         while place < len(node.entries):
             key, value = node.entries[place]
             parts = takewhile(lambda entry: _is_empty(entry[1]), node.entries[place + 1 :])
-            value, count = _join(value, [part for part, _ in parts], report)
-            entries.append((key, join_split_values(value, report)))
+            value, count = _join(value, [part for part, _ in parts], report, is_split)
+            entries.append((key, join_split_values(value, report, is_split)))
             place += 1 + count
         return replace(node, entries=entries)
     if isinstance(node, Listing):
@@ -29,11 +42,11 @@ def join_split_values(node: Node, report: Report) -> Node:
             item, rest = node.items[place], node.items[place + 1 :]
             if isinstance(item, Mapping) and item.entries:
                 key, value = item.entries[-1]
-                value, count = _join(value, rest, report)
+                value, count = _join(value, rest, report, is_split)
                 item = replace(item, entries=[*item.entries[:-1], (key, value)])
             else:
-                item, count = _join(item, rest, report)
-            items.append(join_split_values(item, report))
+                item, count = _join(item, rest, report, is_split)
+            items.append(join_split_values(item, report, is_split))
             place += 1 + count
         return replace(node, items=items)
     return node
@@ -43,17 +56,18 @@ def _is_empty(node: Node) -> bool:
     return isinstance(node, Scalar) and node.value is None and not node.text
 
 
-def _join(node: Node, rest: Sequence[Node], report: Report) -> tuple[Node, int]:
-    """Return ``node`` joined with the nodes of ``rest`` up to its closing bracket, and the number of these nodes."""
-    if not isinstance(node, Scalar) or node.quoted or node.text.count("(") <= node.text.count(")"):
+def _join(node: Node, rest: Sequence[Node], report: Report, is_split: IsSplit) -> tuple[Node, int]:
+    """Return ``node`` joined with the nodes of ``rest`` that continue it, and the number of these nodes."""
+    if not isinstance(node, Scalar) or node.quoted:
         return node, 0
-    text = node.text
-    for count, part in enumerate(rest, start=1):
-        if not isinstance(part, Scalar) or part.quoted:
+    text, count = node.text, 0
+    for part in rest:
+        if not isinstance(part, Scalar) or part.quoted or not is_split(text, part.text):
             break
-        text = f"{text}, {part.text}"
-        if text.count("(") == text.count(")"):
-            joined = replace(node, text=text, value=text)
-            report(joined)
-            return joined, count
-    return node, 0
+        text, count = f"{text}, {part.text}", count + 1
+    if not count or is_split(text, ""):
+        return node, 0
+    quoted = f"'{text}'" if '"' in text else f'"{text}"'
+    message = f"{quoted_value(text)} is split at its comma in {{...}} or [...]"
+    report(node.mark, message, f"put quotes around it: {quoted}")
+    return replace(node, text=text, value=text), count

@@ -233,14 +233,12 @@ def matches_step(target: str, step: Step) -> bool:
 class MockSubstitution:
     """Replaces leaves, missions and composites with mocks while a tree is built.
 
-    If several mocks match a step, the closest match replaces it, and the first of equally close ones. Of two mocks with
-    the same target, the last one counts: that of the case, after that of all cases. All steps that one mock replaces
-    share its script: ``gesture: fails twice`` covers the first two gestures.
+    If several mocks match a step, the closest match replaces it, and the first of equally close ones. All steps that
+    one mock replaces share its script: ``gesture: fails twice`` covers the first two gestures.
     """
 
     def __init__(self, specs: Iterable[MockSpec]) -> None:
-        scripts = {spec.target: spec.script for spec in specs}
-        self._mocks = [(target, TurnSequence(script)) for target, script in scripts.items()]
+        self._mocks = [(spec.target, TurnSequence(spec.script)) for spec in specs]
 
     def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
         """Return the mock that replaces a step; without one, return ``leaf`` (None if the step is not a leaf)."""

@@ -1,8 +1,9 @@
 """Test files: ``greet.test.yaml`` beside ``greet.yaml`` names the mission under test, its cases and expectations."""
 
-from collections.abc import Iterator, Sequence
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence
 from collections.abc import Mapping as Named
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from config.cases import GIVEN_HINT, CommonKeys, Eyes, JudgedSuiteKeys, SuiteKeys
@@ -13,11 +14,12 @@ from config.section_reader import KeyPath as Place
 from config.section_reader import read_keys
 from config.units import quoted_value, with_article
 from config.yaml_nodes import Listing, Mapping, Node, Scalar
+from missions.language.split_values import join_split_values
 from missions.library.shipped import TEST_SUFFIX, find_mission, shipped_missions
 from missions.plugins.testing.expectations import Expectation, read_expectations
 from missions.plugins.testing.fault_specs import RUN, FaultSpec, read_fault
 from missions.plugins.testing.mock_reader import read_mock
-from missions.plugins.testing.mocks import MockSpec
+from missions.plugins.testing.mocks import VERBS, MockSpec
 from missions.plugins.testing.phrases import Phrase
 from missions.plugins.testing.suite_context import CaseSetting, SuiteContext
 
@@ -38,7 +40,19 @@ def read_given(fields: Fields, setting: CaseSetting) -> tuple[tuple[MockSpec, ..
             mishaps.append(_read_fault(fields, node, setting))
         else:
             fields.add_error(node.mark, "neither a mock nor something that goes wrong", GIVEN_HINT)
+    _report_second_mocks(fields, listed)
     return tuple(mocks), tuple(mishaps)
+
+
+def _report_second_mocks(fields: Fields, listed: Node | None) -> None:
+    """Add an error for each mock in a list that would have no effect, because an earlier one has the same target."""
+    items = listed.items if isinstance(listed, Listing) else []
+    seen: set[str] = set()
+    for key in (key for item in items if isinstance(item, Mapping) for key, _ in item.entries):
+        if key.text in seen:
+            hint = f"write all its outcomes in one script: '{key.text}: fails twice, then succeeds'"
+            fields.add_error(key.mark, f"a second mock of {quoted_value(key.text)}", hint)
+        seen.add(key.text)
 
 
 def _read_fault(fields: Fields, node: Scalar, setting: CaseSetting) -> FaultSpec:
@@ -105,7 +119,8 @@ def read_suite(
 
     Raises InvalidFileError with all errors in the test file or the mission.
     """
-    whole = Fields(fields.source, _merge_shared(fields.node), fields.diagnostics, subject=fields.subject)
+    top = _merge_shared(_join_scripts(fields))
+    whole = Fields(fields.source, top, fields.diagnostics, subject=fields.subject)
     keys = read_keys(whole, JudgedSuiteKeys if with_expectations else SuiteKeys)
     context = SuiteContext.read(whole, keys, folder, behaviours)
     titles: set[str] = set()
@@ -161,6 +176,30 @@ def _check_time_limit(fields: Fields, keys: CommonKeys) -> None:
         fields.add_error(result.mark, "'running' needs the time after which the run is ended", hint)
 
 
+def _join_scripts(fields: Fields) -> Node:
+    """Return a test file in which each script of a mock that YAML has split is whole again; report each of them."""
+
+    def join_given(case: Node) -> Node:
+        return _replace_value(case, "given", lambda given: join_split_values(given, fields.add_error, _is_split_script))
+
+    def join_cases(cases: Node) -> Node:
+        return replace(cases, items=[join_given(case) for case in cases.items]) if isinstance(cases, Listing) else cases
+
+    return _replace_value(_replace_value(fields.node, "with", join_given), "cases", join_cases)
+
+
+def _replace_value(node: Node, word: str, change: Callable[[Node], Node]) -> Node:
+    if not isinstance(node, Mapping):
+        return node
+    return replace(node, entries=[(key, change(value) if key.text == word else value) for key, value in node.entries])
+
+
+def _is_split_script(text: str, part: str) -> bool:
+    """Return whether ``text`` is the script of a mock that goes on with ``part``; an empty part is its end."""
+    is_continued = part.startswith("then ") or text.count('"') % 2 == 1
+    return is_continued and re.match(rf"(?:{'|'.join(VERBS)})\b", text) is not None
+
+
 def _merge_shared(top: Node) -> Node:
     """Return a test file in which each case has the keys that the cases share."""
     shared, cases = (top.get(word) if isinstance(top, Mapping) else None for word in ("with", "cases"))
@@ -174,7 +213,8 @@ def _merge_shared(top: Node) -> Node:
 def merge_case(shared: Mapping | None, case: Node) -> Node:
     """Return a case with the shared keys added.
 
-    If both have a key, lists and mappings are joined, and for any other value that of the case is used.
+    If both have a key, lists and mappings are joined, and for any other value that of the case is used. An empty list
+    or mapping of a case replaces the shared one, and its mocks replace shared ones of the same behaviours.
     """
     if shared is None or not isinstance(case, Mapping):
         return case
@@ -184,12 +224,18 @@ def merge_case(shared: Mapping | None, case: Node) -> Node:
 
 
 def _merge_values(shared: Node | None, own: Node) -> Node:
-    if isinstance(shared, Mapping) and isinstance(own, Mapping):
-        names = {key.text for key, _ in own.entries}
-        return Mapping(own.mark, [*(each for each in shared.entries if each[0].text not in names), *own.entries])
-    if isinstance(shared, Listing) and isinstance(own, Listing):
-        return Listing(own.mark, [*shared.items, *own.items])
+    if isinstance(shared, Mapping) and isinstance(own, Mapping) and own.entries:
+        return Mapping(own.mark, [*_without_keys(shared, {*own.keys()}).entries, *own.entries])
+    if isinstance(shared, Listing) and isinstance(own, Listing) and own.items:
+        mocked = {key.text for item in own.items if isinstance(item, Mapping) for key, _ in item.entries}
+        kept = [_without_keys(item, mocked) if isinstance(item, Mapping) else item for item in shared.items]
+        left = [item for item in kept if not isinstance(item, Mapping) or item.entries]
+        return Listing(own.mark, [*left, *own.items])
     return own
+
+
+def _without_keys(node: Mapping, words: Collection[str]) -> Mapping:
+    return replace(node, entries=[(key, value) for key, value in node.entries if key.text not in words])
 
 
 def display_path(path: Path) -> str:

@@ -164,8 +164,3 @@ def test_closest_match_replaces_a_step_whatever_the_order(bench: LeafTestBench) 
         other = bench.put(cast_for(cast, plain, GestureLeaf("gesture")))
         wait = bench.put(cast_for(cast, step(Wait), Wait("wait")))
         assert [bench.tick(leaf) for leaf in (wave, other, wait)] == [SUCCESS, FAILURE, RUNNING]
-
-
-def test_last_of_two_mocks_with_the_same_target_counts(bench: LeafTestBench) -> None:
-    cast = MockSubstitution([spec("gesture", "fails"), spec("gesture", "succeeds")])
-    assert bench.tick(bench.put(cast_for(cast, step(GestureLeaf), GestureLeaf("gesture")))) is SUCCESS

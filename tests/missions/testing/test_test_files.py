@@ -159,7 +159,7 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
         (one_case("    given: [{sequence: fails}]\n"), "5:14: 'sequence' is not the name of one behaviour"),
         (one_case("    given: [{nod: }]\n"), "5:19: what 'nod' does instead is missing"),
         (one_case("    given: [{nod: {does: fails, till: noon}}]\n"), "5:33: a mock has no key 'till'"),
-        (one_case("    given: [{nod: fails, then succeeds}]\n"), "5:39: what 'then succeeds' does instead is missing"),
+        (one_case("    given: [nod: fails, say: fails, nod: succeeds]\n"), "5:37: a second mock of 'nod'"),
         (one_case("    expect: {result: running}\n"), "5:22: 'running' needs the time after which the run is ended"),
         (one_case("    given: [arm unplugged]\n"), "5:13: mission 'nod' does not use an arm"),
         (one_case("    given: [[a]]\n"), "5:13: neither a mock nor something that goes wrong"),
@@ -173,6 +173,41 @@ def test_a_mission_beside_the_file_goes_before_one_of_the_library(tmp_path: Path
 )
 def test_mistake_is_reported_at_its_place(text: str, expected: str, tmp_path: Path) -> None:
     assert any(told.startswith(expected) for told in mistakes(tmp_path, text)), mistakes(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("given", "column", "script"),
+    [
+        ("[nod: fails twice, then succeeds]", 18, "fails twice, then succeeds"),
+        ("[{nod: fails, then fails, then runs}, say: fails]", 19, "fails, then fails, then runs"),
+        ("[nod: {does: fails, then succeeds}]", 25, "fails, then succeeds"),
+        ('[nod: runs for 2 s, then fails because "no, never", say: fails]', 18, 'fails because "no, never"'),
+    ],
+)
+def test_script_that_yaml_splits_is_one_mistake(given: str, column: int, script: str, tmp_path: Path) -> None:
+    text = one_case(f"    given: {given}\n    expect: {{result: success}}\n")
+    with pytest.raises(InvalidFileError) as caught:
+        read(tmp_path, text)
+    (fault,) = caught.value.diagnostics
+    assert (fault.mark.line, fault.mark.column) == (5, column)
+    assert fault.message.endswith("is split at its comma in {...} or [...]")
+    assert script in fault.suggestion
+    quoted = fault.suggestion.removeprefix("put quotes around it: ")
+    assert read(tmp_path, one_case(f"    given: [nod: {quoted}]\n    expect: {{result: success}}\n"))
+
+
+def test_mocks_of_a_case_replace_shared_ones(tmp_path: Path) -> None:
+    head = "tests: nod\nwith: {params: {times: 2}, given: [nod: fails, say: fails, voice unplugged for 1 s]}\n"
+    cases = """cases:
+  - {case: one, given: [nod: succeeds, head unplugged at 1 s], expect: {result: success}}
+  - {case: two, expect: {result: success}}
+  - {case: three, given: [], expect: {result: success}}
+"""
+    one, two, three = read(tmp_path, head + cases)
+    assert {mock.target: mock.script[0].end for mock in one.mocks} == {"say": "failure", "nod": "success"}
+    assert [fault.part for fault in one.injected_faults] == ["voice", "head"]
+    assert {mock.target: mock.script[0].end for mock in two.mocks} == {"nod": "failure", "say": "failure"}
+    assert (three.mocks, three.injected_faults) == ((), ())
 
 
 def test_two_cases_of_one_title_are_a_mistake(tmp_path: Path) -> None:
