@@ -247,12 +247,19 @@ def _race(lines: _Lines, node: Mapping) -> Iterator[Rewrite]:
     if len(waits) != 1:
         return
     (wait,), behaviour = waits, next(item for item in value.items if item is not waits[0])
-    if isinstance(behaviour, Mapping) and not _can_be_skipped(behaviour) and isinstance(wait, Mapping):
+    inside = _node_entries(behaviour)
+    if inside and not _can_be_skipped(behaviour) and isinstance(wait, Mapping):
         text = _without_race(lines, key, behaviour, wait)
         if text is not None:
-            inside = [(word.text, each) for word, each in behaviour.entries]
             found = _rewrite(node, "for", text, wait.entries[0][1], 1)
             yield found._replace(entries=[*inside, *found.entries])
+
+
+def _node_entries(node: Node) -> list[tuple[str, Node]]:
+    """Return the keys and values of a node; a word alone is a key without a value."""
+    if isinstance(node, Scalar):
+        return [(node.text, Scalar(node.mark, "", None))] if isinstance(node.value, str) and not node.quoted else []
+    return [(word.text, each) for word, each in node.entries] if isinstance(node, Mapping) else []
 
 
 def _is_long_wait(item: Node, times: frozenset[str]) -> bool:
@@ -281,7 +288,7 @@ def _positive_params(root: Node) -> frozenset[str]:
     )
 
 
-def _without_race(lines: _Lines, key: Scalar, behaviour: Mapping, wait: Mapping) -> str | None:
+def _without_race(lines: _Lines, key: Scalar, behaviour: Node, wait: Mapping) -> str | None:
     """Return the text with the behaviour in place of the race, and ``for`` beside it; None if that is not possible."""
     first, second = sorted((behaviour, wait), key=lambda node: node.mark.line)
     dash = _dash_column(lines, first)
@@ -297,7 +304,10 @@ def _without_race(lines: _Lines, key: Scalar, behaviour: Mapping, wait: Mapping)
     moved = [line for line in ours[1:] if line.strip()]
     if any(between) or len(theirs) != 1 or any(len(line) - len(line.lstrip(" ")) < shift for line in moved):
         return None
-    head = lines.lines[key.mark.line - 1][: key.mark.column - 1] + ours[0][behaviour.mark.column - 1 :]
+    first_line = ours[0][behaviour.mark.column - 1 :]
+    if isinstance(behaviour, Scalar):
+        first_line = f"{behaviour.text}:{first_line.removeprefix(behaviour.text)}"
+    head = lines.lines[key.mark.line - 1][: key.mark.column - 1] + first_line
     body = [line[shift:] if line.strip() else line for line in ours[1:]]
     time = theirs[0][wait.mark.column - 1 :].removeprefix("wait")
     new = [head, *body, " " * (key.mark.column - 1) + "for" + time]

@@ -30,7 +30,9 @@ REWRITTEN = {
     "    - fail:\n      if: n > 1\n    - succeed\n": "    - check: not (n > 1)\n    - succeed\n",
     "    - fail:\n      if: not base.docked\n    - succeed\n": "    - check: base.docked\n    - succeed\n",
     '    - {fail: , if: "n > 1"}\n    - succeed\n': '    - {check: "not (n > 1)"}\n    - succeed\n',
-    "    - race:\n        - nod\n        - wait: 5 s\n": None,
+    "    - race:\n        - nod\n        - wait: 5 s\n": "    - nod:\n      for: 5 s\n",
+    "    - race:\n        - wait: 5 s\n        - nod  # yes\n": "    - nod:  # yes\n      for: 5 s\n",
+    "    - race:\n        - wait: 5 s\n        - 'nod'\n": None,
     "    - race:\n        - drive: 1 m\n          name: a\n        - wait: 5 s  # enough\n      retry: 2\n": (
         "    - drive: 1 m\n      name: a\n      for: 5 s  # enough\n      retry: 2\n"
     ),
