@@ -295,8 +295,8 @@ INSTANT_ACTIONS = frozenset(
 
 WAIT_UNTIL = "wait_until"
 
-CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once", "on_running"})
-"""Modifiers with which a node is not always ticked, or runs for at most one tick."""
+CONDITIONAL_MODIFIERS = frozenset({"if", "while", "until", "cooldown", "once"})
+"""Modifiers with which a node is not always ticked."""
 
 GUARD_MODIFIERS = frozenset({"while", "until"})
 """Modifiers with a condition that can end a node before it starts.
@@ -349,6 +349,8 @@ def _find_running(step: Step) -> Step | None:
         return None if step.leaf.instant or step.kind in INSTANT_ACTIONS else step
     if step.kind in CONDITIONAL_MODIFIERS or step.kind in SWITCHES or not step.children:
         return None
+    if step.kind == "on_running":
+        return _find_acting(step.children[0])
     if step.kind in RUNNING_MODIFIERS or step.kind == WAIT_FOR:
         return step
     if step.kind == FINALLY:
@@ -359,6 +361,17 @@ def _find_running(step: Step) -> Step | None:
     if kind.passes == SUCCESS and kind.order == "in order":
         return _first_that_decides(step.children)
     return next((cause for child in step.children if (cause := _find_running(child)) is not None), None)
+
+
+def _find_acting(step: Step) -> Step | None:
+    """Return a leaf that drives or takes time to act whenever ``step`` is ticked; None if there is none.
+
+    Such a leaf halts the children after it before it starts, even if it has only one tick.
+    """
+    cause = _find_running(step)
+    while cause is not None and cause.leaf is None:
+        cause = _find_running(cause.children[0])
+    return cause if cause is not None and cause.leaf is not None and (cause.leaf.drives or cause.leaf.acts) else None
 
 
 def _first_that_decides(children: Sequence[Step]) -> Step | None:

@@ -356,3 +356,23 @@ def test_action_in_a_wait_is_an_action_used_as_a_guard() -> None:
     plan = check_plan(SourceText("m.yaml", f"mission: m\ntree: {{{tree}}}\n"), LEAVES, {})
     (hint,) = actions_as_guards(plan.tree)
     assert "used as a guard" in hint.message
+
+
+@pytest.mark.parametrize(
+    ("child", "hints"),
+    [
+        ("{find_face: {scans: 1}, on_running: fail}", 1),
+        ("{sequence: [{find_face: {scans: 1}, on_running: fail}, {say: hello}]}", 1),
+        ("{find_face: {scans: 1}, retry: 2, on_running: fail}", 1),
+        ("{say: Hi, on_running: succeed}", 1),
+        ("{find_face: {scans: 1}, if: face.seen, on_running: fail}", 0),
+        ("{face_seen: 1 s, hold: 1 s, on_running: fail}", 0),
+        ("{wait_until: face.seen, on_running: fail}", 0),
+        ("{wait: 1 s, on_running: fail}", 0),
+    ],
+)
+def test_action_with_one_tick_is_an_action_used_as_a_guard(child: str, hints: int) -> None:
+    tree = f"reactive_selector: [{child}, {{drive: 1 m}}]"
+    plan = check_plan(SourceText("m.yaml", f"mission: m\ntree: {{{tree}}}\n"), LEAVES, {})
+    found = actions_as_guards(plan.tree)
+    assert ["used as a guard" in hint.message for hint in found] == [True] * hints
