@@ -11,7 +11,7 @@ from typing import Any
 from py_trees.common import Status
 
 from behaviours.basics import Check, WaitUntil
-from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from behaviours.robot import Robot
 from behaviours.run import SENSOR_TIMEOUT, RunState
@@ -83,7 +83,8 @@ def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozens
             leaf=stand_in_class(step, oracle, watch),
             arguments=_abstract_arguments(step, step.leaf, oracle, names),
         )
-    returns = {name: _abstract_stored(value, oracle) for name, value in step.returns.items()}
+    # Results are stored as they are: their conversion never fails.
+    returns = {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.returns.items()}
     arguments = {name: _abstract_setting(step, value, oracle) for name, value in step.arguments.items()}
     return replace(step, children=children, arguments=arguments, returns=returns)
 
@@ -345,6 +346,7 @@ class ScopeSnapshots:
         self._live = live_variables(tree)
         self._hidden = hidden or (frozenset(),) * len(self._scopes)
         self._live_in: dict[Rows, tuple[frozenset[str] | None, ...]] = {}
+        self._live_in_cleanups = self._cleanup_variables()
         self._restored: tuple[Scope, ...] = ()
         self._restored_from: Sequence[Row] | None = None
 
@@ -371,8 +373,12 @@ class ScopeSnapshots:
     def _live_now(self) -> tuple[frozenset[str] | None, ...]:
         """Return, for each scope, the variables that the run may still read.
 
-        It is None for all variables: before the start of the run, and during a halt.
+        It is None for all variables: before the start of the run, and while a node halts. In a halt of the whole
+        mission, only the cleanups of ``finally`` read variables.
         """
+        root = self._nodes[0]
+        if isinstance(root, Parent) and root.ending is IDLE:
+            return self._live_in_cleanups
         halting = any(isinstance(node, Parent) and node.ending is not None for node in self._nodes)
         if halting or self._nodes[0].status is not RUNNING:
             return (None,) * len(self._scopes)
@@ -382,6 +388,16 @@ class ScopeSnapshots:
                 live[id(node.scope)] |= self._live.running[node.key]
                 if isinstance(node, Parent) and not _has_running_member(node):
                     self._add_live_at_start(node, live)
+        return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
+
+    def _cleanup_variables(self) -> tuple[frozenset[str], ...]:
+        """Return, for each scope, the variables that nodes in a ``finally`` may read."""
+        live: defaultdict[int, set[str]] = defaultdict(set)
+        for node in self._nodes:
+            if node.in_finally:
+                live[id(node.scope)] |= self._live.running[node.key] | self._live.before[node.key]
+                if isinstance(node, Submission):
+                    live[id(node.inner)].update(names_read(node.returns.values()))
         return tuple(frozenset(live[id(scope)]) for scope in self._scopes)
 
     def _add_live_at_start(self, node: Parent, live: defaultdict[int, set[str]]) -> None:
@@ -503,6 +519,7 @@ class MissionModel:
         )
         for leaf in self.watch.leaves:
             leaf.merger = None if leaf.in_finally else self.merger
+        self.shuffler.merger = self.merger
         self._seconds = sorted({*durations(plan.tree), sensor_timeout, MAX_RETICK_INTERVAL})
 
     def tick(self) -> None:
@@ -541,17 +558,22 @@ class MissionModel:
 class Shuffler(Random):
     """Random source of random composites: the oracle of the exploration chooses the order of the children.
 
-    It chooses among all orders, or among some if there are more than ``MAX_ORDERED_CHILDREN`` children.
+    It chooses among all orders, or among some if there are more than ``MAX_ORDERED_CHILDREN`` children. ``merger`` is
+    called before the first choice of an order.
     """
+
+    merger: TickMerger | None = None
 
     def __init__(self, oracle: Oracle) -> None:
         super().__init__(0)
         self._oracle = oracle
         self.is_sampled = False
+        self._rest: list[Any] = []  # children that are not drawn yet
 
     def shuffle(self, x: MutableSequence[Any]) -> None:
         """Reorder ``x`` in place, in an order that the oracle of the exploration chooses."""
         before = list(x)
+        self._merge(before)
         if len(before) <= MAX_ORDERED_CHILDREN:
             orders = [list(order) for order in permutations(before)]
         else:
@@ -565,7 +587,17 @@ class Shuffler(Random):
         if len(population) > MAX_ORDERED_CHILDREN:
             self.is_sampled = True
             return [population[0]]
-        return [self._oracle.choose(list(population), _describe_next)]
+        if population != self._rest:
+            self._merge(population)
+        drawn = self._oracle.choose(population, _describe_next)
+        self._rest = [child for child in population if child is not drawn]
+        return [drawn]
+
+    def _merge(self, children: Sequence[Any]) -> None:
+        """End this run if an earlier one has come to this draw of ``children`` in the same situation."""
+        composite = children[0].parent
+        if self.merger is not None and not composite.in_finally:
+            self.merger.visit(composite, children)
 
 
 def _describe_next(child: Any) -> str:

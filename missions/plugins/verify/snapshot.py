@@ -10,6 +10,7 @@ from behaviours.node import Node, Suspension
 from missions.executive.for_each import ForEach
 from missions.executive.modifiers import (
     MAX_RETICK_INTERVAL,
+    CooldownModifier,
     FinallyModifier,
     OnceModifier,
     RepeatModifier,
@@ -173,8 +174,15 @@ class Snapshots:
         row: list[object] = [place]
         for name, (lasts, at_rest) in zip(part.names, part.at_rest, strict=True):
             value = getattr(node, name) if runs or lasts else at_rest
+            if isinstance(node, CooldownModifier) and self._is_over(node, name, value):
+                value = at_rest
             row.append(value if value is None or value is at_rest else _row_value(value, node, name, instants))
         return self._number(tuple(row), part.names)
+
+    def _is_over(self, node: CooldownModifier, name: str, value: object) -> bool:
+        """Return whether a time of a cooldown is certainly over: it then has the same future as one not begun."""
+        wait = _wait_seconds(node, name) if name == "_succeeded_at" and isinstance(value, Instant) else None
+        return wait is not None and isinstance(value, Instant) and self._timing.zone.is_over(value.place, wait)
 
     def _number(self, row: Row, names: tuple[str, ...]) -> int:
         """Return the number of a row. Numbers make the frequent comparisons of states fast."""

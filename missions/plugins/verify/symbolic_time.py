@@ -55,6 +55,10 @@ class Zone:
         """Return whether instant i can be later than j by at most ``bound``."""
         return add_bounds(bound, self.bounds[j][i]) >= ZERO_BOUND
 
+    def is_over(self, since: int, seconds: float) -> bool:
+        """Return whether at least ``seconds`` have passed since an instant, in all timings of the zone."""
+        return self.bounds[since][self.now] <= (-seconds, 1)
+
     def constrain(self, i: int, j: int, bound: Bound) -> None:
         """Add the constraint that instant i is later than j by at most ``bound``, and tighten all others."""
         rows = self.bounds

@@ -1,7 +1,8 @@
 """Merging of runs within a tick: of several ways to the same situation, only the first is followed to the end.
 
 The choices of a tick are a tree: if a leaf can fail in one of five steps, all that comes next would be explored five
-times. So before a leaf is ticked, the situation is compared with those of earlier runs from the same state.
+times. So before a leaf is ticked, the situation is compared with those of earlier runs from the same state; and before
+the order of a random composite is drawn.
 
 This is exact, since the following decide the rest of a tick, and all of them are compared: the fields of all nodes, the
 variables, the times, the monitors, and the sensors that may be read again. The nodes that are being ticked are the
@@ -25,7 +26,6 @@ from missions.plugins.verify.symbolic_time import SymbolicClock
 
 if TYPE_CHECKING:
     from missions.plugins.verify.model import ScopeSnapshots
-    from missions.plugins.verify.stand_ins import StandIn
 
 
 MAX_COMPARISONS = 32
@@ -59,7 +59,7 @@ class TickMerger:
         self._run, self._oracle, self._watch, self._timing = run, oracle, watch, timing
         self._snapshots, self._scopes, self._readers = snapshots, scopes, readers
         places = {node: place for place, node in enumerate(nodes)}
-        self._ancestors = {node: frozenset(places[each] for each in _ancestors(node)) for node in nodes}
+        self._begun = {node: frozenset(places[each] for each in _begun_nodes(node)) for node in nodes}
         self._ticking = {node: frozenset((node, *_ancestors(node))) for node in nodes}
         self._seen: set[object] | None = None
         self._checked = 0
@@ -77,8 +77,12 @@ class TickMerger:
         """Begin a run from the state."""
         self._checked = self._comparisons = 0
 
-    def visit(self, leaf: "StandIn") -> None:
-        """Compare the situation before a tick of ``leaf``. Raises RunMergedError if an earlier run has reached it."""
+    def visit(self, node: Node, drawn_from: Sequence[Node] = ()) -> None:
+        """Compare the situation before a tick of a leaf, or before a composite draws the order of its children.
+
+        ``drawn_from`` are the children that can be drawn. Raises RunMergedError if an earlier run has reached the
+        situation.
+        """
         choices = len(self._oracle.choices)
         if choices == self._checked or self._seen is None or self._oracle.follows_script or self._watch.violations:
             return
@@ -86,37 +90,44 @@ class TickMerger:
         self._comparisons += 1
         if self._comparisons > MAX_COMPARISONS and self._comparisons.bit_count() > 1:
             return
-        situation = self._situation(leaf)
+        situation = self._situation(node), tuple(drawn_from)
         if situation in self._seen:
             raise RunMergedError
         self._seen.add(situation)
 
-    def _situation(self, leaf: "StandIn") -> object:
+    def _situation(self, node: Node) -> object:
         """Return everything that determines the rest of the tick, in hashable form."""
-        ticking, watch = self._ancestors[leaf], self._watch
+        ticking, watch = self._begun[node], self._watch
         rows, instants = self._snapshots.take(ticking)
         return (
-            leaf,
+            node,
             rows,
             self._snapshots.marks(ticking),
             self._snapshots.stopped_in(self._run.tick),
             self._timing.zone.project(instants),
             self._scopes.changes(),
-            self._relevant_reports(leaf),
+            self._relevant_reports(node),
             self._oracle.all_sensors_report,
             watch.happened,
             watch.moving,
             watch.completed_round,
         )
 
-    def _relevant_reports(self, leaf: "StandIn") -> frozenset[object]:
+    def _relevant_reports(self, node: Node) -> frozenset[object]:
         """Return the reports that were read in this tick and may be read again, by a node whose tick is not over."""
-        ticking, tick = self._ticking[leaf], self._run.tick
+        ticking, tick = self._ticking[node], self._run.tick
         return frozenset(
             (key, reports)
             for key, reports in self._oracle.reports.items()
-            if any(node.visited_tick != tick or node in ticking for node in self._readers[key[0]])
+            if any(reader.visited_tick != tick or reader in ticking for reader in self._readers[key[0]])
         )
+
+
+def _begun_nodes(node: Node) -> Iterator[Node]:
+    """Yield the nodes whose tick has begun at a visit of ``node``: the nodes around it, and a composite itself."""
+    if node.children:
+        yield node
+    yield from _ancestors(node)
 
 
 def _ancestors(node: Node) -> Iterator[Node]:

@@ -124,6 +124,46 @@ def test_ways_to_the_same_failure_are_followed_once() -> None:
     assert merged < whole / 2
 
 
+def test_draws_after_several_ways_to_the_same_situation_are_made_once() -> None:
+    ways = "sequence: [{drive: 1 m}, {turn: 9 deg}, {arc: {radius: 1 m, angle: 9 deg}}], on_failure: succeed"
+    drawn = "random_selector: [{look: 9 deg}, {nod: 1}, {say: a}]"
+    for weights in ("", ", weights: [1, 2, 1]", ", weights: '${w}'"):
+        found = plan_of(f"sequence: [{{{ways}}}, {{{drawn}{weights}}}]", params="{w: {type: list, of: number}}")
+        merged, whole = compare(found)
+        assert merged < whole / 1.5, weights
+
+
+COOLDOWNS = """
+reactive_selector:
+  - sequence: [bumped, {drive: 30 cm}]
+    cooldown: 5 s
+  - sequence: [face_seen, nod]
+    cooldown: 3 s
+  - wait: 2 s
+repeat: forever
+"""
+
+
+def test_a_cooldown_that_is_over_is_like_one_that_has_not_begun() -> None:
+    report = verify(plan_of(COOLDOWNS), ManualClock())
+    assert report.outcome == PROVED
+    assert report.states < 100
+
+
+def test_variables_that_no_cleanup_reads_do_not_count_in_a_halt() -> None:
+    steps = ", ".join(f"{{face_seen: 1 s, as: v{place}, on_failure: succeed}}" for place in range(4))
+    reads = ", ".join(f"{{check: v{place} == 1, on_failure: succeed}}" for place in range(4))
+    unset = ", ".join(f"v{place}: 0" for place in range(4))
+    tree = "sequence: [{{set: {{{}}}}}, {{sequence: [{}, {{gesture: hello}}, {}]{}}}]"
+    light = verify(plan_of(tree.format(unset, steps, reads, ", finally: {listen: {for: [no]}}")), ManualClock())
+    heavy = verify(
+        plan_of(tree.format(unset, steps, reads, ", finally: {listen: {for: [no]}, if: v0 == v1 and v2 == v3}")),
+        ManualClock(),
+    )
+    assert light.outcome == heavy.outcome == PROVED
+    assert light.states < heavy.states
+
+
 TUTORIAL = Path(__file__).parent / "tutorial_seven.yaml"
 
 
