@@ -64,6 +64,10 @@ class Diagnostic:
         for name in ("message", "suggestion"):  # what is quoted of a file may be the address of a camera
             object.__setattr__(self, name, without_secrets(getattr(self, name)))
 
+    def is_same(self, other: "Diagnostic") -> bool:
+        """Return whether ``other`` is the same error, found once more on the way to another file."""
+        return (self.source.name, self.mark, self.message) == (other.source.name, other.mark, other.message)
+
     @property
     def place(self) -> str:
         """Position as ``FILE:LINE:COLUMN``, which editors and terminals turn into a link."""
@@ -106,9 +110,13 @@ class InvalidFileError(InvalidInputError):
 
 
 def add_diagnostic(diagnostics: list[Diagnostic], diagnostic: Diagnostic) -> None:
-    """Add an error, unless it follows from an earlier one. Raises InvalidFileError at MAX_DIAGNOSTICS errors."""
+    """Add an error, unless it is there already, or follows from an earlier one.
+
+    Raises InvalidFileError at MAX_DIAGNOSTICS errors.
+    """
     if any(
-        diagnostic.mark.line in other.repaired_lines and diagnostic.source.name == other.source.name
+        diagnostic.source.name == other.source.name
+        and (diagnostic.mark.line in other.repaired_lines or diagnostic.is_same(other))
         for other in diagnostics
     ):
         return

@@ -18,7 +18,7 @@ from missions.cli.option_declarations import behaviours_option, params_option
 from missions.cli.options import leaf_loader, mission_files_in
 from missions.cli.outputs import report_write_errors
 from missions.language.claims import impossible_alternatives
-from missions.language.document import unread_param_hints
+from missions.language.document import hidden_result_hints, unread_param_hints
 from missions.language.draws import repeated_draw_hints
 from missions.language.old_forms import rewrite_old_forms
 from missions.language.outcomes import actions_as_guards, find_once_guards
@@ -53,7 +53,10 @@ def command(
     hints: list[Diagnostic] = []
     for name in [file for each in names for file in mission_files_in(each)] or list(shipped_missions()):
         summary, faults, advice = _check_file(name, params, robots, leaves, files)
-        found += faults
+        new = [fault for fault in faults if not any(fault.is_same(other) for other in found)]
+        if len(new) < len(faults):  # errors of a mission that another file runs too
+            summary = "\n".join([*map(str, new), f"{name}: {_errors(len(faults) - len(new))} as above"])
+        found += new
         hints += advice
         if not as_json:
             click.echo(summary, err=bool(faults))
@@ -66,8 +69,12 @@ def command(
         entries = [_as_dict(fault, "error") for fault in found] + [_as_dict(hint, "hint") for hint in hints]
         click.echo(json.dumps(entries, indent=2, ensure_ascii=False))
     elif found:
-        click.echo(f"{len(found)} error{'s' if len(found) > 1 else ''}", err=True)
+        click.echo(_errors(len(found)), err=True)
     return 2 if found else 0
+
+
+def _errors(count: int) -> str:
+    return f"{count} error{'s' if count > 1 else ''}"
 
 
 def _check_file(
@@ -96,6 +103,7 @@ def _check_file(
     summary = f"{name}: good ({plan.mission}, {count} node{'s' if count > 1 else ''}{other})"
     hints = [
         *unread_param_hints(plan),
+        *hidden_result_hints(plan.tree),
         *actions_as_guards(plan.tree),
         *find_once_guards(plan.tree),
         *early_action_hints(plan.tree),

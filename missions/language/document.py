@@ -234,6 +234,20 @@ def _unread_params(root: Node, read_names: Collection[str]) -> dict[str, Mark]:
     return {name.text: name.mark for name, _ in entries if name.text not in read_names}
 
 
+def hidden_result_hints(tree: Step) -> list[Diagnostic]:
+    """Return a hint for each ``returns`` beside a mission that reads a variable in place of a result of the same name.
+
+    The mission declares the result with another value than that of its param or variable.
+    """
+    message = "'returns' beside '{}' reads the variable '{}', and not the result of this name"
+    hint = "leave 'returns' out and write as: NAME, then read NAME.{}"
+    return [
+        Diagnostic(step.source, step.mark, message.format(step.name, name), hint.format(name))
+        for step in tree.walk()
+        for name in step.hidden_results
+    ]
+
+
 def unread_param_hints(plan: Plan) -> list[Diagnostic]:
     """Return a hint for each param that no expression of the mission reads, so that a caller sets it in vain."""
     hint = "write ${{{}}} where its value belongs, or remove it"

@@ -477,7 +477,14 @@ def _require_closed(text: str, start: int, end: int) -> None:
     """Raise ExpressionError if ``text`` has a ``${`` between ``start`` and ``end`` that was not parsed."""
     at = text.find("${", start, end)
     if at >= 0:
-        what = "holds a brace, or a quote that is not closed" if "}" in text[at:] else "has no '}'"
+        inside, closed, _ = text[at + 2 :].partition("}")
+        what = "has no '}'"
+        if "${" in inside:
+            what = "holds another '${': write the name in it without braces"
+        elif "{" in inside:
+            what = "holds a brace: store the mapping with 'set' first, and write its name here"
+        elif closed:
+            what = "holds a quote that is not closed"
         raise ExpressionError(f"'${{' {what}", at, 2)
 
 

@@ -157,7 +157,9 @@ def check_key(context: CheckContext, label: str, key: Scalar) -> bool:
     if key.text.isidentifier() and key.text not in RESERVED_WORDS and not key.text.startswith("_"):
         return True
     hint = "such as 'x', which expressions read as ${point.x}"
-    context.fault(key.mark, f"{label}: a key needs a plain word, got {quoted_value(key.text)}", hint)
+    reserved = f"a key cannot be '{key.text}', which is reserved in expressions"
+    plain = f"a key needs a plain word, got {quoted_value(key.text)}"
+    context.fault(key.mark, f"{label}: {reserved if key.text in RESERVED_WORDS else plain}", hint)
     return False
 
 

@@ -22,7 +22,8 @@ class Step:
       the one ``value`` of a modifier. The ``value`` of ``finally`` is its time limit.
     - ``children`` of ``retry`` and ``finally`` may have a second member: the recovery, or the cleanup.
     - ``cases`` of a switch belong to its children, in the same order; one more child is its default.
-    - ``returns`` are the return values of a sub-mission, as expressions over its variables.
+    - ``returns`` are the return values of a sub-mission, as expressions over its variables. ``hidden_results`` are
+      results that its file declares, for which these expressions read a variable of the same name.
     - ``output_variable`` is the variable in which the node's result is stored.
     - ``binds`` are variables that the node may set in addition: member and number of a for_each, or all names that are
       set in a node that could not be read.
@@ -43,6 +44,7 @@ class Step:
     cases: tuple[object, ...] = ()
     case_marks: tuple[Mark, ...] = field(default=(), compare=False)
     returns: Mapping[str, Value] = field(default_factory=dict)
+    hidden_results: tuple[str, ...] = field(default=(), compare=False)
     binds: tuple[str, ...] = ()
     text: str = ""
     arguments_as_written: Mapping[str, str] = field(default_factory=dict, compare=False)

@@ -84,10 +84,12 @@ def read_submission(
     body = read_body(inner, root, take, read_step)
     if body is None or body.tree is None:
         return None
+    # Params with errors, which have been reported: their readers have none.
+    arguments |= dict.fromkeys(inner.missing_params - arguments.keys(), INVALID_VALUE)
     own_returns = beside.get("returns")
-    returns = (
-        read_returns(replace(inner, source=context.source), own_returns) if own_returns is not None else body.returns
-    )
+    reader = replace(inner, source=context.source, read_names=set())
+    returns = body.returns if own_returns is None else read_returns(reader, own_returns)
+    inner.read_names |= reader.read_names
     if beside.get("as") is None:
         context.variables |= returns.keys()
         context.forget_kinds(returns)
@@ -102,9 +104,17 @@ def read_submission(
         (body.tree,),
         arguments=arguments,
         returns=returns,
+        hidden_results=_hidden_results(root, reader.read_names & (arguments.keys() | body.tree.variables)),
         text=body.mission,
         arguments_as_written=entries_as_written(beside.get("with")),
     )
+
+
+def _hidden_results(root: Node, names: Collection[str]) -> tuple[str, ...]:
+    """Return those of ``names``, variables of a mission, that its file also declares as results of another value."""
+    declared = root.get("returns") if isinstance(root, Mapping) else None
+    entries = declared.entries if isinstance(declared, Mapping) else []
+    return tuple(name.text for name, value in entries if name.text in names and source_text(value) != name.text)
 
 
 def _find_submission(context: CheckContext, value: Scalar) -> Path | None:

@@ -604,7 +604,7 @@ UNITS = "(units: deg, rad)"
             "did you mean 'battery.percent'?",
         ),
         (["- say: it's ${n"], "${", "'say': '${' has no '}'", ""),
-        (["- say: ${n's}"], "${", "'say': '${' holds a brace, or a quote that is not closed", ""),
+        (["- say: ${n's}"], "${", "'say': '${' holds a quote that is not closed", ""),
         (["- say: ${n.x}"], "${n.x}", "'say': 'x' is not there", ""),
         # a text that the file writes in another way than it reads is underlined as a whole
         (['- say: "\\u0041 ${m}"'], '"\\u0041 ${m}"', "'say': unknown name 'm'", NAMES),

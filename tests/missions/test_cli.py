@@ -119,6 +119,36 @@ def test_check_of_a_folder_checks_every_mission_in_it(mission: Mission) -> None:
     assert "bad.yaml:3:3" in outcome.err
 
 
+def test_error_of_a_mission_that_others_run_is_reported_once(mission: Mission) -> None:
+    Path("inner.yaml").write_text(
+        "mission: inner\nparams:\n  facts: [{name: a, in: b}]\ntree:\n  sequence:\n"
+        "    - for_each: {in: facts, as: f, do: {say: '${f.name}'}}\n    - set: {turned: 3}\n"
+        "returns: {turned: turned}\n",
+        encoding="utf-8",
+    )
+    write("outer.yaml", "  sequence:\n    - mission: inner\n    - mission: inner\n    - say: ${turned}\n")
+    cases = "tests: inner\ncases:\n  - case: a\n    expect: {result: success, returns: {turned: 3}}\n"
+    Path("inner.test.yaml").write_text(cases, encoding="utf-8")
+    outcome = mission("check", ".")
+    assert outcome.code == 2
+    assert outcome.err.count("param 'facts': a key cannot be 'in', which is reserved in expressions") == 1
+    assert "outer.yaml: 1 error as above" in outcome.err
+    assert outcome.err.endswith("\n1 error\n")
+    assert len(json.loads(mission("check", ".", "--json").out)) == 1
+
+
+def test_result_hidden_by_a_param_gives_a_hint(mission: Mission) -> None:
+    text = "mission: inc\nparams: {n: {type: count}}\ntree: {set: {k: '${n + 1}'}}\nreturns: {n: k}\n"
+    Path("inc.yaml").write_text(text, encoding="utf-8")
+    tree = "  sequence:\n    - mission: inc\n      with: {n: 1}\n      returns: {m: %s}\n    - say: ${m}\n"
+    hint = "hint: out.yaml:4:7: 'returns' beside 'inc' reads the variable 'n', and not the result of this name"
+    for result, is_hint in (("n", True), ("n + 1", True), ("k", False)):
+        write("out.yaml", tree % result)
+        outcome = mission("check", "out.yaml")
+        assert outcome.code == 0
+        assert (hint in outcome.err) == is_hint
+
+
 def test_check_without_a_robot_uses_the_default_robot(mission: Mission) -> None:
     write("knee.yaml", "  move_joints: {to: {right_elbow: 10 deg}}\n")
     write("toe.yaml", "  move_joints: {to: {left_toe: 10 deg}}\n")

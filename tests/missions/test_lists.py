@@ -92,7 +92,7 @@ def test_mistake_with_a_mapping_is_found_at_check_time(step: str, message: str) 
         ("{a: [{}]}", "param 'a' needs plain values as its members, or mappings of plain values"),
         ("{a: [{x: '${b}'}]}", "param 'a' cannot have the member '${b}': lists in a file hold plain values"),
         ("{a: [{x y: 1}]}", "param 'a': a key needs a plain word, got 'x y'"),
-        ("{a: [{if: 1}]}", "param 'a': a key needs a plain word, got 'if'"),
+        ("{a: [{if: 1}]}", "param 'a': a key cannot be 'if', which is reserved in expressions"),
         ("{a: [{_x: 1}]}", "param 'a': a key needs a plain word, got '_x'"),
         ("{a: {of: {}}}", "param 'a': 'of' needs keys with types"),
         ("{a: {of: {x: lenght}}}", "param 'a': 'x': unknown type 'lenght'"),

@@ -70,9 +70,10 @@ def test_holes_in_a_text_are_filled_as_a_person_would_write(text: str, value: st
     [
         ("a ${n", 2, 2, "'${' has no '}'"),
         ("${n} and ${", 9, 2, "'${' has no '}'"),
-        ("${ ${n} }", 0, 2, "'${' holds a brace, or a quote that is not closed"),
-        ("${name's}", 0, 2, "'${' holds a brace, or a quote that is not closed"),
-        ("${{1}}", 0, 2, "'${' holds a brace, or a quote that is not closed"),
+        ("${ ${n} }", 0, 2, "'${' holds another '${': write the name in it without braces"),
+        ("${f + [{at: n}]}", 0, 2, "'${' holds a brace: store the mapping with 'set' first, and write its name here"),
+        ("${name's}", 0, 2, "'${' holds a quote that is not closed"),
+        ("${{1}}", 0, 2, "'${' holds a brace: store the mapping with 'set' first, and write its name here"),
         ("ab ${}", 5, 1, "an empty expression"),
         ("ab ${  foo(1)}", 7, 3, "'foo' cannot be called; the functions are min, max, abs, round, len, random"),
         ("é ${n} ${n +}", 11, 1, "'n +' is not an expression; something is missing at its end"),

@@ -54,10 +54,13 @@ class PoseTarget:
 
 @dataclass(frozen=True, slots=True)
 class CaseNames:
-    """Names that the expectations of a case can use: nodes, results, the robot's joints, the world's people."""
+    """Names that the expectations of a case can use: nodes, results, the robot's joints, the world's people.
+
+    ``returns`` is None if the mission has errors, so that its results are not known.
+    """
 
     node_error: NodeError
-    returns: Sequence[str]
+    returns: Sequence[str] | None
     joints: Sequence[str] = ()
     people: Sequence[str] = ()
 
@@ -172,7 +175,7 @@ def _read_angle(fields: Fields, key: str, node: Node, default_tolerance: float) 
 
 def _read_returns(fields: Fields, node: Node, names: CaseNames) -> Iterator[ExpectedItem]:
     for name, value in _entries(node):
-        if name.text not in names.returns:
+        if names.returns is not None and name.text not in names.returns:
             hint = suggest_from(name.text, names.returns) or "it has no results"
             fields.add_error(name.mark, f"the mission returns no {quoted_value(name.text)}", hint)
         else:

@@ -56,7 +56,7 @@ class CaseSetting:
         arms = {part: its.limits for part, its in keys.items() if isinstance(its, ArmKeys)}
         joints = tuple(qualified_joint_name(part, joint) for part, limits in arms.items() for joint in limits)
         return CaseNames(
-            self.node_error, tuple(self.plan.returns) if self.plan is not None else (), joints, self.people
+            self.node_error, tuple(self.plan.returns) if self.plan is not None else None, joints, self.people
         )
 
     @property
