@@ -293,9 +293,9 @@ def _read_span(context: CheckContext, argument: Argument, node: Node, label: str
             if low < high:
                 return Value((low, high))
             context.fault(node.mark, f"{label}: the first value must be below the second")
-        case _ if not all(end.template is None or context.awaits_params(end.template) for end in ends):
+        case _:
             message = "the two values must be known before the mission starts: numbers or params"
-            context.fault(node.mark, f"{label}: {message}")
+            context.check_known_early(node, label, message, ends)
     return INVALID_VALUE
 
 
@@ -326,8 +326,8 @@ def _read_by_joint(context: CheckContext, argument: Argument, node: Node, label:
         return INVALID_VALUE
     if all(value.template is None for value in values.values()):
         return Value({joint: value.constant for joint, value in values.items()})
-    if not all(value.template is None or context.awaits_params(value.template) for value in values.values()):
-        context.fault(node.mark, f"{label}: the values must be known before the mission starts: numbers or params")
+    message = "the values must be known before the mission starts: numbers or params"
+    context.check_known_early(node, label, message, values.values())
     return INVALID_VALUE
 
 

@@ -91,7 +91,8 @@ class CheckContext:
     ``variables`` are set by some step of the mission, or are params known only in a run; ``missing_params`` are those
     that the caller has not set yet. ``variable_leaves`` are variables of known type, each with a leaf that stores it;
     ``param_kinds`` are the kinds of params without a value. ``param_nodes`` are the defaults of params in the file,
-    each with its value. ``read_names`` are all names that expressions read.
+    each with its value. ``late_params`` are params known only in a run, each with the place of its value in a file that
+    runs this mission. ``read_names`` are all names that expressions read.
     ``has_unreadable_line`` is true if a line of the file could not be read. ``has_unreadable_mission`` is true if a
     sub-mission could not be read; it may return any variable.
     ``file_chain`` are the files from the main mission down to this one. ``steps`` are the places of all steps read so
@@ -109,6 +110,7 @@ class CheckContext:
     variable_leaves: dict[str, type[Leaf]] = field(default_factory=dict)
     param_kinds: dict[str, Kind] = field(default_factory=dict)
     param_nodes: dict[str, tuple[Scalar, object]] = field(default_factory=dict)
+    late_params: dict[str, tuple[SourceText, Mark]] = field(default_factory=dict)
     read_names: set[str] = field(default_factory=set)
     faults: list[Diagnostic] = field(default_factory=list)
     has_unreadable_line: bool = False
@@ -250,9 +252,43 @@ class CheckContext:
     def awaits_params(self, formula: Template | Expression) -> bool:
         """Return True if an expression reads only params, some of which the caller has not set yet."""
         names = {read.name for read in formula.reads}
-        return not draws_number(formula) and all(
-            name in self.missing_params or (name in self.params and name not in self.variables) for name in names
-        )
+        return not draws_number(formula) and names <= self._early_names
+
+    @property
+    def _early_names(self) -> set[str]:
+        """Names whose values are known before the mission starts."""
+        return (self.params.keys() - self.variables) | self.missing_params
+
+    def late_place(self, formula: Template | Expression) -> tuple[str, tuple[SourceText, Mark]] | None:
+        """Return a param because of which ``formula`` is known only in a run, with the place of its value.
+
+        None if anything else in the formula is known only in a run.
+        """
+        names = [read.name for read in formula.reads if read.name not in self._early_names]
+        if draws_number(formula) or not names or not self.late_params.keys() >= set(names):
+            return None
+        return names[0], self.late_params[names[0]]
+
+    def check_known_early(
+        self, node: Node, label: str, message: str, values: Iterable[Value], suggestion: str = ""
+    ) -> bool:
+        """Report the first of ``values`` that is known only in a run; return whether there is none.
+
+        The error with this ``message`` is at ``node``; or where another mission gives such a value to a param.
+        """
+        formulas = (value.template for value in values if value.template is not None)
+        late = next((formula for formula in formulas if not self.awaits_params(formula)), None)
+        if late is None:
+            return True
+        param = self.late_place(late)
+        if param is None:
+            self.fault(node.mark, f"{label}: {message}", suggestion)
+        elif not self.has_unreadable_line:
+            name, (source, mark) = param
+            user = f"{label.partition(':')[0]} needs it ({self.source.name}:{node.mark.line})"
+            message = f"'{name}' must be known before the mission starts: {user}"
+            add_diagnostic(self.faults, Diagnostic(source, mark, message, suggestion or "write a value or a param"))
+        return False
 
     def expression_fault(self, node: Scalar, error: ExpressionError, label: str) -> None:
         """Report an expression that cannot be parsed, at its place in ``node``."""

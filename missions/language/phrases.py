@@ -43,12 +43,10 @@ def read_phrases(context: CheckContext, node: Node, label: str) -> Value:
         if isinstance(value.constant, tuple):
             for phrase in value.constant:
                 found.setdefault(normalise(phrase), phrase)
-        elif value.template is not None and not context.awaits_params(value.template):
+        else:
             hint = "use params that are given when it starts, or listen for all that may be said"
-            context.fault(
-                item.mark, f"{label}: {quoted_value(item.text)} must be known before the mission starts", hint
-            )
-            wrong = True
+            message = f"{quoted_value(item.text)} must be known before the mission starts"
+            wrong = not context.check_known_early(item, label, message, [value], hint) or wrong
     return INVALID_VALUE if wrong else Value(found)
 
 

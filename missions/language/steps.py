@@ -188,7 +188,8 @@ def _read_submission_params(
     refused: set[str] = set()
     if node is not None and not isinstance(node, Mapping):
         context.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
-    for name, value_node in node.entries if isinstance(node, Mapping) else ():
+    given = node.entries if isinstance(node, Mapping) else []
+    for name, value_node in given:
         param = params.get(name.text)
         if param is None:
             _report_unknown_param(context, inner_context, params, mission, name)
@@ -213,6 +214,9 @@ def _read_submission_params(
             inner_context.params[param.name] = values[param.name].constant
             continue
         inner_context.variables.add(param.name)  # its value is known only when the sub-mission starts
+        own_place = context.source, next(node.mark for name, node in given if name.text == param.name)
+        around = context.late_place(formula)
+        inner_context.late_params[param.name] = own_place if around is None else around[1]
         if context.awaits_params(formula):
             inner_context.missing_params.add(param.name)
     return values

@@ -335,3 +335,37 @@ def test_open_bracket_in_a_text_is_no_split_value(tmp_path: Path) -> None:
     with pytest.raises(InvalidFileError) as caught:
         load_mission(str(path))
     assert [fault.message for fault in caught.value.diagnostics] == ["'timeout' has no effect here: 'log' ends at once"]
+
+
+EARLY = "'value' must be known before the mission starts"
+
+
+@pytest.mark.parametrize(
+    ("leaf", "inner"),
+    [
+        ("move_joints", "{move_joints: {to: {elbow: '${value}'}}}"),
+        ("find_face", "{find_face: {pan: ['${value}', 90 deg]}}"),
+        ("listen", "{listen: {for: [\"${'left' if value > 0 deg else 'right'}\"]}}"),
+    ],
+)
+def test_late_value_of_a_param_is_reported_where_it_is_passed(leaf: str, inner: str, folder: Path) -> None:
+    (folder / "inner.yaml").write_text(f"mission: inner\nparams: {{value: 20 deg}}\ntree: {inner}\n")
+    (folder / "middle.yaml").write_text(
+        "mission: middle\nparams: {value: 20 deg}\ntree:\n  mission: inner\n  with: {value: '${value}'}\n"
+    )
+    for name in ("inner", "middle"):
+        tree = "  sequence:\n    - set: {a: '${random(1 deg, 2 deg)}'}\n"
+        tree += f"    - mission: {name}\n      with: {{value: '${{a}}'}}\n"
+        assert messages(folder, tree) == [f"main.yaml:6: {EARLY}: '{leaf}' needs it ({folder / 'inner.yaml'}:3)"]
+        passed = f"  mission: {name}\n  with: {{value: '${{start * 2}}'}}\n"
+        assert load(folder, passed, head="params: {start: 9 deg}\n").tree.kind == "mission"
+
+
+def test_late_value_that_the_mission_sets_itself_is_reported_in_its_file(folder: Path) -> None:
+    (folder / "inner.yaml").write_text(
+        "mission: inner\nparams: {value: 20 deg}\ntree:\n  sequence:\n    - set: {value: 3 deg}\n"
+        "    - move_joints: {to: {elbow: '${value}'}}\n"
+    )
+    tree = "  sequence:\n    - set: {a: '${random(1 deg, 2 deg)}'}\n    - mission: inner\n      with: {value: '${a}'}\n"
+    (found,) = messages(folder, tree)
+    assert found.startswith("inner.yaml:6: 'move_joints': 'to': the values must be known")
