@@ -129,11 +129,7 @@ COMPOSITES: Mapping[str, CompositeKind] = {
         reactive=True,
     ),
     "random_selector": CompositeKind(
-        "a selector in a random order, drawn at each start",
-        "?~",
-        "its weight is always 0",
-        order="in any order",
-        passes=FAILURE,
+        "a selector in a random order, drawn at each start", "?~", order="in any order", passes=FAILURE
     ),
     "parallel": CompositeKind(
         "ticks all children; succeeds when all have succeeded",

@@ -11,10 +11,18 @@ from dataclasses import field
 from functools import partial
 from typing import Any, Self
 
+from config.units import Quantity
 from drivers.api.fast_dataclass import dataclass
 from drivers.errors import SensorSilent
 from missions.language import read_analysis
-from missions.language.expressions import Expression, ExpressionError, NameReference, Value, draws_number
+from missions.language.expressions import (
+    Expression,
+    ExpressionError,
+    NameReference,
+    Value,
+    draws_number,
+    format_value,
+)
 from missions.language.for_each import ListMembers
 from missions.language.operators import RANDOM
 from missions.language.read_analysis import always_read_names
@@ -59,18 +67,25 @@ class UnboundedCount(int):
 
     oracle: Oracle
     min_rounds: int
+    label: str
 
     @classmethod
-    def of(cls, oracle: Oracle, min_rounds: int) -> Self:
-        """Return a count for which ``oracle`` chooses after each repetition whether it was the last."""
+    def of(cls, oracle: Oracle, min_rounds: int, label: str) -> Self:
+        """Return a count for which ``oracle`` chooses after each repetition whether it was the last.
+
+        ``label`` is the loop in traces: "'repeat' (line 4)".
+        """
         count = cls(min_rounds)
-        count.oracle, count.min_rounds = oracle, min_rounds
+        count.oracle, count.min_rounds, count.label = oracle, min_rounds, label
         return count
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, int) or isinstance(other, UnboundedCount):
             return self is other
-        return other >= self.min_rounds and self.oracle.choose((False, True), lambda last: "that was the last" * last)
+        return other >= self.min_rounds and self.oracle.choose((False, True), self._describe_last)
+
+    def _describe_last(self, last: bool) -> str:
+        return f"{self.label} has no more rounds" if last else ""
 
     def __ne__(self, other: object) -> bool:
         return not self == other  # an int compares its value for != by itself, without __eq__
@@ -97,13 +112,20 @@ class AbstractList(ListMembers):
 
 
 class TopValue:
-    """Unknown value that may equal any other value: each comparison is a choice."""
+    """Unknown value that may equal any other value: each comparison is a choice.
 
-    def __init__(self, oracle: Oracle) -> None:
+    ``label`` is the node that has the value in traces: "'once' (line 4)".
+    """
+
+    def __init__(self, oracle: Oracle, label: str) -> None:
         self._oracle = oracle
+        self._label = label
 
     def __eq__(self, other: object) -> bool:
-        return self._oracle.choose((True, False), lambda same: "the value is the same" if same else "the value is new")
+        return self._oracle.choose((True, False), self._describe_comparison)
+
+    def _describe_comparison(self, same: bool) -> str:
+        return f"the value of {self._label} is {'the same' if same else 'new'}"
 
     def __hash__(self) -> int:
         return id(self)
@@ -160,7 +182,7 @@ def reads_sensor(read: NameReference) -> bool:
 
 
 def _describe_reading(name: str, value: object) -> str:
-    return f"{name} is {str(value).lower()}"
+    return f"{name} is {value_text(value)}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -294,8 +316,16 @@ class NondetValue(Value):
         found, failed = answer
         if failed:
             return f"'{expression_text(self)}' cannot be calculated"
-        text = str(found).lower() if isinstance(found, bool | None) else found
-        return "" if found is UNKNOWN else f"'{expression_text(self)}' is {text}"
+        return f"'{expression_text(self)}' is {text}" if (text := value_text(found)) else ""
+
+
+def value_text(value: object) -> str:
+    """Return a chosen value as a trace shows it; empty for a value that stands for many."""
+    if value is None or type(value) is bool:
+        return str(value).lower()
+    if isinstance(value, tuple):  # weights
+        return str(value)
+    return format_value(value) if type(value) in (int, float, str, Quantity) else ""
 
 
 def _describe_nothing(_: bool) -> str:

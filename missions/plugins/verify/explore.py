@@ -11,9 +11,9 @@ from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Leaf
 from behaviours.node import Node
 from config.diagnostics import Diagnostic
 from missions.executive.events import status_word
-from missions.language.nodes import MISSION, MODIFIERS
 from missions.plugins.verify.choices import Script
 from missions.plugins.verify.model import MissionModel, ModelState
+from missions.plugins.verify.places import describe_node
 from missions.plugins.verify.rule_monitor import Violation
 from missions.plugins.verify.symbolic_time import Zone, includes
 from missions.plugins.verify.tick_merging import RunMergedError
@@ -330,12 +330,6 @@ def _replay_step(space: StateSpace, before: int, script: Script, halted: bool) -
 def _is_reported(node: Node) -> bool:
     """Return whether a trace shows the changes of a node; changes of leaves already follow from the choices."""
     return not isinstance(node, Leaf)
-
-
-def describe_node(node: Node) -> str:
-    """Return a description of a node: name, a modifier's word, and line."""
-    shows_kind = len(node.children) == 1 and not isinstance(node, Leaf) and node.kind != MISSION
-    return f"{node.kind if shows_kind or node.kind in MODIFIERS else node.name} (line {node.line})"
 
 
 PROVED, REFUTED, UNDECIDED = "proved", "refuted", "not decided"

@@ -51,6 +51,7 @@ from missions.plugins.verify.abstract_values import (
 )
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.live_variables import live_variables, names_read
+from missions.plugins.verify.places import describe_node, place_text
 from missions.plugins.verify.random_bounds import UNKNOWN
 from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, is_endless, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
@@ -69,14 +70,17 @@ OTHER_CASE = "anything else"
 """Value of a ``switch`` that matches none of its cases."""
 
 
-def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozenset[str]) -> Step:
+def abstract_step(
+    step: Step, oracle: Oracle, watch: RuleMonitor, names: frozenset[str], main_file: str | None = None
+) -> Step:
     """Return ``step`` and the steps below it in abstract form: stand-ins for leaves, abstract values for arguments.
 
     ``oracle`` makes their choices, and the monitor ``watch`` observes them. ``names`` are the variables that are set in
-    the mission of the step.
+    the mission of the step. ``main_file`` is the file of the verified mission, by default that of the step.
     """
+    main_file = step.source.name if main_file is None else main_file
     inner = step.children[0].variables if step.kind == MISSION else names
-    children = tuple(abstract_step(child, oracle, watch, inner) for child in step.children)
+    children = tuple(abstract_step(child, oracle, watch, inner, main_file) for child in step.children)
     if step.leaf is not None:
         return replace(
             step,
@@ -85,7 +89,8 @@ def abstract_step(step: Step, oracle: Oracle, watch: RuleMonitor, names: frozens
         )
     # Results are stored as they are: their conversion never fails.
     returns = {name: _abstract_stored(replace(value, convert=None), oracle) for name, value in step.returns.items()}
-    arguments = {name: _abstract_setting(step, value, oracle) for name, value in step.arguments.items()}
+    label = f"'{step.kind}' {place_text(step.source.name, step.mark.line, main_file)}"
+    arguments = {name: _abstract_setting(step, value, oracle, label) for name, value in step.arguments.items()}
     return replace(step, children=children, arguments=arguments, returns=returns)
 
 
@@ -125,24 +130,24 @@ def _reads_sensor(value: Value) -> bool:
     return value.template is not None and any(map(reads_sensor, value.template.reads))
 
 
-def _abstract_setting(step: Step, value: Value, oracle: Oracle) -> Value:
-    """Return the abstract value of a setting of a modifier, a switch or a sub-mission."""
+def _abstract_setting(step: Step, value: Value, oracle: Oracle, label: str) -> Value:
+    """Return the abstract value of a setting of a modifier, a switch or a sub-mission; ``label`` is its node."""
     if step.kind == MISSION:
         return _abstract_stored(value, oracle)
     if step.kind in COUNT_MODIFIERS:
-        return _abstract_count(value, oracle)
+        return _abstract_count(value, oracle, label)
     if step.kind == FOR_EACH:
-        return _abstract_members(value, oracle)
+        return _abstract_members(value, oracle, label)
     if value.template is None:
         return value
     if step.kind in DURATION_MODIFIERS:
         return NondetValue(
-            template=value.template, oracle=oracle, options=(UnknownTime.of(oracle),), never_computed=True
+            template=value.template, oracle=oracle, options=(UnknownTime.of(oracle, label),), never_computed=True
         )
     if step.kind in SWITCHES:
         return _nondet_value(value, oracle, *dict.fromkeys(step.cases), OTHER_CASE)
     if step.kind == "once":
-        return _nondet_value(value, oracle, TopValue(oracle))
+        return _nondet_value(value, oracle, TopValue(oracle, label))
     if step.kind == "parallel":
         return _nondet_value(value, oracle, *range(1, len(step.children) + 1))
     if step.kind == "random_selector":
@@ -192,28 +197,28 @@ def _abstract_stored(value: Value, oracle: Oracle) -> Value:
     return NondetValue(template=value.template, convert=value.convert, oracle=oracle, abstraction=widen)
 
 
-def _abstract_count(value: Value, oracle: Oracle) -> Value:
-    many = UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS)
+def _abstract_count(value: Value, oracle: Oracle, label: str) -> Value:
+    many = UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS, label)
     if value.template is None:
         return Value(many) if isinstance(value.constant, int) and value.constant > MAX_COUNT else value
     return NondetValue(
         template=value.template,
         convert=value.convert,
         oracle=oracle,
-        options=(UnboundedCount.of(oracle, 0),),
+        options=(UnboundedCount.of(oracle, 0, label),),
         abstraction=lambda found: many if isinstance(found, int) and found > MAX_COUNT else found,
     )
 
 
-def _abstract_members(value: Value, oracle: Oracle) -> Value:
-    many = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS))
+def _abstract_members(value: Value, oracle: Oracle, label: str) -> Value:
+    many = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, MIN_UNBOUNDED_ROUNDS, label))
 
     def abstract(found: object) -> object:
         return many if isinstance(found, ListMembers) and found.count > MAX_MEMBERS else found
 
     if value.template is None:
         return Value(abstract(value.constant))
-    unknown = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, 0))
+    unknown = AbstractList((UNKNOWN,), UnboundedCount.of(oracle, 0, label))
     return NondetValue(
         template=value.template,
         convert=value.convert,
@@ -601,11 +606,11 @@ class Shuffler(Random):
 
 
 def _describe_next(child: Any) -> str:
-    return f"{child.name} is drawn next"
+    return f"{describe_node(child)} is drawn next"
 
 
 def _describe_order(children: Iterable[Any]) -> str:
-    return f"the order is {', '.join(child.name for child in children)}"
+    return f"the order is {', '.join(map(describe_node, children))}"
 
 
 def _status_when_over(node: Node) -> Status:

@@ -14,6 +14,7 @@ from behaviours.leaf import FAILURE, IDLE, RUNNING, SUCCESS, Condition, Leaf
 from missions.language.plan import Step
 from missions.language.robot_state import state_value
 from missions.plugins.verify.choices import Oracle
+from missions.plugins.verify.places import describe_node
 from missions.plugins.verify.random_bounds import UNKNOWN
 from missions.plugins.verify.rule_monitor import RuleMonitor
 from missions.plugins.verify.symbolic_time import Instant
@@ -65,6 +66,11 @@ class StandIn(Leaf):
     leader: "StandIn | None" = None
     report = ""
     merger: "TickMerger | None" = None
+
+    @property
+    def label(self) -> str:
+        """Name and place of the leaf for messages: "drive (line 4)"."""
+        return describe_node(self)
 
     def on_tick(self) -> Status:
         if self.merger is not None:

@@ -161,12 +161,13 @@ class UnknownTime(float):
     """Unknown time: every comparison is a choice."""
 
     oracle: Oracle
+    label: str
 
     @classmethod
-    def of(cls, oracle: Oracle) -> Self:
-        """Return an unknown time with choices of ``oracle``; messages show it as one second."""
+    def of(cls, oracle: Oracle, label: str) -> Self:
+        """Return an unknown time with choices of ``oracle``; ``label`` is its node in traces: "'delay' (line 4)"."""
         time = cls(1.0)
-        time.oracle = oracle
+        time.oracle, time.label = oracle, label
         return time
 
     def __sub__(self, other: float) -> float:
@@ -177,7 +178,7 @@ class UnknownTime(float):
 
     def is_over(self) -> bool:
         """Return whether the time is over, as a new choice at each call."""
-        return self.oracle.choose((False, True), lambda yes: "the time is over" if yes else "")
+        return self.oracle.choose((False, True), lambda yes: f"the time of {self.label} is over" if yes else "")
 
 
 class Instant(float):

@@ -10,7 +10,7 @@ from config.diagnostics import Diagnostic, Mark, SourceText
 from config.units import quantity_text
 from drivers.clock import Clock
 from missions.executive.modifiers import RepeatModifier, RetryModifier
-from missions.language.nodes import NODES, TIME_LIMITS
+from missions.language.nodes import NODES, TIME_LIMITS, WEIGHTS
 from missions.language.plan import Plan, Step, composite_kind
 from missions.plugins.verify.explore import (
     GOING,
@@ -27,6 +27,7 @@ from missions.plugins.verify.explore import (
     trace_to_violation,
 )
 from missions.plugins.verify.model import MissionModel, steps_by_key
+from missions.plugins.verify.places import place_text
 from missions.plugins.verify.rule_monitor import (
     EXCLUSIVE_ACTUATORS,
     REST_AFTER_END,
@@ -55,12 +56,9 @@ class RuleChecker:
 
     def verdicts(self) -> list[RuleVerdict]:
         """Return all verdicts: first the rules for every mission, then its own properties."""
-        nodes = len(self._space.model.nodes)
         return [
             self._check_termination(),
-            self._check_reachability(
-                "its node can be reached" if nodes == 1 else f"each of its {nodes} nodes can be reached"
-            ),
+            self._check_reachability(),
             *self._check_timeouts(),
             self._check_safety(EXCLUSIVE_ACTUATORS, "no two behaviours drive one actuator at the same time"),
             self._check_rest(),
@@ -92,16 +90,21 @@ class RuleChecker:
         fault = Diagnostic(step.source, step.mark, message)
         return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to(self._space, trap)),))
 
-    def _check_reachability(self, rule: str) -> RuleVerdict:
-        reached = self._space.facts
-        missed = [
-            node
-            for node in self._space.model.nodes
-            if node not in reached and (node.parent is None or node.parent in reached)
-        ]
-        if not missed or not self._space.is_complete or any(node in self._space.doubtful for node in missed):
-            return self._partial_verdict(rule, len(self._space.model.nodes), len(missed))
+    def _check_reachability(self) -> RuleVerdict:
+        """Return the verdict on whether each node is reached, except children that always have the weight 0."""
+        reached, nodes = self._space.facts, self._space.model.nodes
+        unreached = [node for node in nodes if node not in reached and (node.parent is None or node.parent in reached)]
+        decided = self._space.is_complete and not any(node in self._space.doubtful for node in unreached)
+        missed = [node for node in unreached if not (decided and self._has_weight(node))]
+        count = len(nodes) - sum(len(list(node.iterate())) for node in unreached if node not in missed)
+        rule = "its node can be reached" if count == 1 else f"each of its {count} nodes can be reached"
+        if not missed or not decided:
+            return self._partial_verdict(rule, count, len(missed))
         return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
+
+    def _has_weight(self, node: Node) -> bool:
+        """Return whether a node is a child with a weight; with one above 0, some run draws it first."""
+        return isinstance(node.parent, Node) and WEIGHTS in self._steps[node.parent.key].arguments
 
     def _partial_verdict(self, rule: str, count: int, missed: int) -> RuleVerdict:
         """Return the verdict on a rule that must come true for ``count`` nodes, such as that each is reached.
@@ -122,7 +125,7 @@ class RuleChecker:
             step.source,
             step.mark,
             f"'{step.name}' is never reached",
-            f"'{parent.kind}' (line {parent.mark.line}): {reason or 'never reached'}",
+            f"'{parent.kind}' {_place(parent, step)}: {reason or 'never reached'}",
         )
 
     def _check_timeouts(self) -> list[RuleVerdict]:
@@ -146,11 +149,11 @@ class RuleChecker:
         sooner = [each for each in limits if own is not None and (_seconds(each) or inf) <= own]
         if sooner:
             first = sooner[0]
-            why = f"the '{first.kind}' of {first.text} around it (line {first.mark.line}) is over first"
+            why = f"the '{first.kind}' of {first.text} around it {_place(first, step)} is over first"
         elif step.kind in TIME_LIMITS:
             why = f"'{_unwrap_modifiers(step).name}' has always ended before"
         elif limits:
-            why = f"the '{limits[0].kind}' around it (line {limits[0].mark.line}) leaves it no time"
+            why = f"the '{limits[0].kind}' around it {_place(limits[0], step)} leaves it no time"
         else:
             why = "a node around it always ends it before"
         return Diagnostic(step.source, step.mark, f"'{step.kind}' of {step.text} is never over", why)
@@ -260,6 +263,11 @@ class RuleChecker:
         endless = [node for node in running if isinstance(node, StandIn) and not node.can_end]
         loops = [node for node in running if isinstance(node, RetryModifier | RepeatModifier) and node.setting is None]
         return max(endless or loops or running, key=lambda node: node.key.count("."))
+
+
+def _place(step: Step, here: Step) -> str:
+    """Return the place of ``step`` for an error at the step ``here``: its line, and its file if that is another."""
+    return place_text(step.source.name, step.mark.line, here.source.name)
 
 
 def _seconds(step: Step) -> float | None:

@@ -489,11 +489,12 @@ def test_param_without_a_value_that_is_set_again_is_known_from_the_start() -> No
     assert report.outcome == PROVED
 
 
-def test_unreached_child_of_the_weight_zero_is_explained() -> None:
-    report = explored("random_selector: [{look: 0 deg}, {say: Hi}]\nweights: [1, 0]")
-    (finding,) = report.verdicts[1].findings
-    assert finding.fault.message == "'say' is never reached"
-    assert finding.fault.suggestion == "'random_selector' (line 4): its weight is always 0"
+@pytest.mark.parametrize("weights", ["[1, 0]", "'${w}'"])
+def test_child_of_the_weight_zero_need_not_be_reached(weights: str) -> None:
+    tree = f"random_selector: [{{look: 0 deg}}, {{say: Hi, timeout: 9 s}}]\nweights: {weights}"
+    report = verify(plan_of(tree, params="{w: [1, 0]}"), ManualClock())
+    assert report.outcome == PROVED
+    assert outcomes(report)["each of its 2 nodes can be reached"] == PROVED
 
 
 @pytest.mark.parametrize(("weights", "shown"), [("[n, n + 1]", "look"), ("[n, 1]", "look, say"), ("[1, 0]", "")])

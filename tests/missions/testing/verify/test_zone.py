@@ -99,7 +99,7 @@ def test_unknown_time_is_a_choice_at_each_comparison() -> None:
     oracle = Oracle()
     timing = SymbolicClock(oracle)
     since, now = elapsed(timing)
-    unknown = UnknownTime.of(oracle)
+    unknown = UnknownTime.of(oracle, "'wait' (line 4)")
     assert isinstance(since, Instant)
     oracle.follow((1, 0, 1))
     assert now - since >= unknown
