@@ -83,6 +83,8 @@ SCOPE: dict[str, object] = {
         ("name in ['Anna', 'Ben']", True),
         ("name not in names", False),
         ("'x' in place", True),
+        ("'nn' in name", True),
+        ("'An na' in name", False),
         ("'yes' if thing.seen else 'no'", "yes"),
         ("place.x", 1.5),
         ("patience / 2", 30.0),
