@@ -175,8 +175,9 @@ class Watchdog:
     def _check_leaf(self, now: float) -> None:
         """Report a leaf that blocks a tick for too long."""
         leaf, tick = watched = self._run.active_leaf, self._run.tick
-        if leaf is None or watched != self._watched:
+        if watched != self._watched:
             self._watched, self._watched_since, self._is_reported = watched, now, False
+        if leaf is None:
             return
         held = now - self._watched_since
         if held > self.limits.slow and not self._is_reported:
@@ -192,9 +193,11 @@ class Watchdog:
         if silence <= self.limits.stall:
             self._handle(LoopEvent.LIFE)
             return
-        leaf = self._run.active_leaf
-        if self._loop is LoopState.ALIVE:
-            self._stalled, self._stalled_at = (leaf, self._run.tick), now
+        leaf = self._watched[0]
+        # Several leaves may block the same tick, one after another: each is kept still.
+        is_next = self._watched != self._stalled and now - self._watched_since > self.limits.stall
+        if self._loop is LoopState.ALIVE or is_next:
+            self._stalled, self._stalled_at = self._watched, now
             self._handle(LoopEvent.STALL)
             self._emit_fault(f"{self._culprit(leaf)} has held up the robot for {silence:.2f} s: it is kept still")
             self._stop_actuators()

@@ -174,6 +174,26 @@ def test_stalled_leaf_gets_no_permit_until_its_tick_ends(kennel: Kennel) -> None
     assert kennel.leaf.execute_tick() is SUCCESS
 
 
+def test_second_leaf_that_blocks_the_same_tick_gets_no_permit_either(kennel: Kennel) -> None:
+    second = Slow("second")
+    second.run, second.scope, second.line = kennel.run, {}, 5
+
+    def drive() -> Status:
+        kennel.dog.permit()
+        kennel.pass_time(0.6)
+        with pytest.raises(DeviceFault, match="kept still: second"):
+            kennel.dog.permit()
+        return RUNNING
+
+    def block() -> Status:
+        kennel.pass_time(0.9)
+        return RUNNING
+
+    second.work_of_tick, kennel.leaf.work_of_tick = drive, block
+    assert [leaf.execute_tick() for leaf in (kennel.leaf, second)] == [RUNNING, RUNNING]
+    assert kennel.faults[-1].startswith("second (line 5) has held up the robot for 1.")
+
+
 def test_leaf_that_blocks_a_tick_for_seconds_fails(kennel: Kennel) -> None:
     assert kennel.hold(3.0, then=SUCCESS) is Status.FAILURE
     assert kennel.leaf.reason.startswith("dawdle (line 4): blocked the tick for 2.9")
