@@ -240,8 +240,7 @@ class CommandHandler:
                 executive.resume()
             case StepCommand():
                 self._require_released()
-                if executive.paused:
-                    executive.step()
+                executive.step()
             case HaltCommand():
                 executive.stop(f"halted by {command.by or UNKNOWN_USER}")
                 self.kill_at = self._clock.now() + HALT_TIMEOUT

@@ -4,7 +4,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from enum import Enum
 from math import inf
-from queue import SimpleQueue
 from threading import Lock
 from typing import Final
 
@@ -271,7 +270,7 @@ class Executive:
         """
         self._stop_reason: str | None = None
         self._mode, self._mode_lock = RunMode.TICKING, Lock()
-        self._steps: SimpleQueue[None] = SimpleQueue()  # one item for each step: thread-safe, and no step is lost
+        self._steps = 0  # requested while paused, and not made yet; guarded by the lock
         run.observer = stream
         run.notify = self._notify
 
@@ -313,10 +312,17 @@ class Executive:
             self.run.safe_stop(self.root.claims - SOUND_KINDS)
 
     def step(self) -> None:
-        """Tick once while paused; no effect while held."""
-        if self._mode is not RunMode.HELD:
-            self._steps.put(None)
-            self._woken.set()
+        """Tick once while paused; no effect while held. A hold or a resume drops the steps that are not made yet."""
+        with self._mode_lock:
+            self._steps += self._mode is RunMode.PAUSED
+        self._woken.set()
+
+    def _take_step(self) -> bool:
+        """Return True if a step is due, and count it as made."""
+        with self._mode_lock:
+            due = self._steps > 0
+            self._steps -= due
+        return due
 
     def resume(self) -> None:
         """Continue after ``pause``; no effect while held."""
@@ -325,6 +331,8 @@ class Executive:
     def _change_mode(self, event: RunModeEvent) -> None:
         with self._mode_lock:  # a concurrent resume must not undo the hold of a stop
             self._mode = TRANSITIONS[self._mode, event]
+            if self._mode is not RunMode.PAUSED:
+                self._steps = 0
         self._woken.set()
 
     # --- the loop -----------------------------------------------------------------------------------------------------
@@ -340,11 +348,7 @@ class Executive:
         """Tick until the tree ends or ``stop`` is called, then halt; return the result. Does not raise."""
         due = self.run.now()
         while self._stop_reason is None:
-            mode = self._mode
-            step = mode is not RunMode.HELD and not self._steps.empty()
-            if step:
-                self._steps.get()
-            elif mode is not RunMode.TICKING:
+            if self._mode is not RunMode.TICKING and not self._take_step():
                 self.keep_still()
                 self.idle(STOP_POLL_INTERVAL)
                 self._woken.clear()

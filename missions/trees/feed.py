@@ -164,7 +164,7 @@ class ViewFeed:
             case "resume":
                 self._paused = False
                 executive.resume()
-            case "step" if executive.paused:  # while it goes on, steps would be counted, and made once it is paused
+            case "step":
                 executive.step()
             case "stop":
                 executive.stop(STOPPED_REASON)

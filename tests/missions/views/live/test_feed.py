@@ -172,11 +172,11 @@ def test_a_view_stops_the_run_and_nonsense_does_nothing() -> None:
 def test_a_step_is_made_only_while_paused() -> None:
     fed = Fed()
     fed.feed.execute({"do": "step"})
-    assert fed.executive._steps.empty()
+    assert fed.executive._steps == 0
     fed.feed.execute({"do": "pause"})
     assert fed.feed.take_changes()["paused"] is True
     fed.feed.execute({"do": "step"})
-    assert not fed.executive._steps.empty()
+    assert fed.executive._steps == 1
     fed.feed.execute({"do": "resume"})
     assert fed.feed.take_changes()["paused"] is False
 
