@@ -59,8 +59,12 @@ class HaltableNode(Node):
     def permit_motion(self) -> None:
         """Permit a command that moves a part. Raises DeviceFault if the leaf must not move anything now.
 
-        Such a command comes from a thread that the leaf has left behind, or from another leaf that uses its robot.
+        A leaf within a ``finally`` never may. Of another leaf, such a command comes from a thread that the leaf has
+        left behind, or from a leaf that uses its robot.
         """
+        if self.in_finally:
+            detail = "kept still: a behaviour in 'finally' must not move anything"
+            raise DeviceFault(detail, hint="do it before the end")
         if not self.may_move:
             hint = "let a behaviour move only parts of its own robot, and only while it runs"
             raise DeviceFault(f"kept still: {self.label} is not ticked now", hint=hint)

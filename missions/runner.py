@@ -148,7 +148,7 @@ class Runner:
     def _executive(self, substitute: Substitute) -> tuple[Node, Executive]:
         """Return the tree of the plan, whose leaves use the robot through proxies, and the executive that ticks it."""
         answers = TickCache()
-        robot = with_proxies(self._robot.robot, answers, StaleCommandGuard(self._context, self.latch.permit))
+        robot = with_proxies(self._robot.robot, answers, StaleCommandGuard(self.latch.permit))
         guard = self._guard(self.config, robot)
         self._context.variables.update(state_of(robot, self._context, guard))
         root = build(

@@ -32,7 +32,7 @@ from missions.language.operators import RANDOM
 from missions.language.plan import Plan, Step, composite_kind
 from missions.language.takeover import find_takeovers
 
-RobotFor = Callable[[Node], Robot]
+RobotFor = Callable[[Leaf], Robot]
 """Function that returns the robot for a leaf; commands given through it are reported with the leaf's name."""
 
 Substitute = Callable[[Step, Leaf | None], Leaf | None]

@@ -18,25 +18,14 @@ from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
-from behaviours.haltable_node import HaltableNode
-from behaviours.node import Node
+from behaviours.leaf import Leaf
 from behaviours.robot import Robot
-from behaviours.run import RunState
 from drivers.api import DEFAULT_STYLE, Device, Health, MouthShape, Priority, SpeechStyle, Utterance, Voice
 from drivers.api.driver import resolve_name
 from drivers.api.kinds import KINDS
 from drivers.api.marks import commands
 from drivers.errors import DeviceFault
-from missions.executive.proxy import (
-    Check,
-    CommandReport,
-    Permit,
-    Proxy,
-    for_leaf,
-    make_proxy,
-    permit_all,
-    refuse_motion,
-)
+from missions.executive.proxy import CommandReport, Permit, Proxy, for_leaf, make_proxy, permit_all
 from missions.executive.tick_cache import PartCache, TickCache
 
 # Proxy of a voice, written by hand: utterances are identified by numbers, from 1.
@@ -166,13 +155,12 @@ class StaleCommandGuard:
     (another branch, or a retry) may move the device. ``permit`` is called first, and may refuse a command too.
     """
 
-    def __init__(self, run: RunState, permit: Callable[[], None]) -> None:
-        self._run = run
+    def __init__(self, permit: Callable[[], None]) -> None:
         self._permit = permit
 
-    def __call__(self, device: Device) -> None:
+    def __call__(self, device: Device, leaf: Leaf | None) -> None:
         self._permit()
-        leaf, returned = self._run.active_leaf, device.health().reconnected_at
+        returned = device.health().reconnected_at
         if leaf is not None and returned is not None and leaf.started_at < returned:
             raise DeviceFault(
                 f"{device.name}: it was away for a while, and {leaf.label} began before it was back",
@@ -217,25 +205,17 @@ def with_proxies(robot: Robot, cache: TickCache, permit: Permit = permit_all) ->
     )
 
 
-def robot_for(node: Node, robot: Robot, report: CommandReport) -> Robot:
-    """Return ``robot`` for the leaf ``node``: its commands are passed to ``report`` with the leaf's name.
+def robot_for(leaf: Leaf, robot: Robot, report: CommandReport) -> Robot:
+    """Return ``robot`` for ``leaf``: its commands are passed to ``report`` with the leaf's name.
 
     The parts of ``robot`` must have proxies. They refuse every command that could move something, from any thread, of a
     leaf that does not run (see ``HaltableNode.may_move``), and always of a leaf within a ``finally``.
     """
-    source = f"{node.name} ({node.key})" if node.name != node.kind else f"{node.kind} ({node.key})"
-
-    def checks(part: str) -> Sequence[Check]:
-        if node.in_finally:
-            return (refuse_motion,)
-        return (node.permit_motion, partial(node.on_motion, part)) if isinstance(node, HaltableNode) else ()
-
+    source = f"{leaf.name} ({leaf.key})" if leaf.name != leaf.kind else f"{leaf.kind} ({leaf.key})"
     proxies = {
-        part: for_leaf(proxy, source, report, *checks(part))
-        for part, kind, proxy in _iter_parts(robot)
-        if command_names(kind)
+        part: for_leaf(proxy, source, report, leaf) for part, kind, proxy in _iter_parts(robot) if command_names(kind)
     }
-    return _replace_parts(robot, proxies).with_named_parts(getattr(node, "named_parts", {}))
+    return _replace_parts(robot, proxies).with_named_parts(leaf.named_parts)
 
 
 def _iter_parts(robot: Robot) -> Iterator[tuple[str, str, Any]]:

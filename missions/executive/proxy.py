@@ -13,9 +13,10 @@ from inspect import Parameter
 from types import MappingProxyType
 from typing import Any, TypeVar
 
-from drivers.api import Base, Device, Head, Joints, Sounds, ignore
+from behaviours.leaf import Leaf
+from drivers.api import Base, Device, Head, Joints, Sounds
 from drivers.api.marks import CommandMark, ProtocolMember, members
-from drivers.errors import BadRequest, DeviceFault, DriverError
+from drivers.errors import BadRequest, DriverError
 from missions.executive.tick_cache import PartCache, TickCache
 
 CommandValues = Mapping[str, object]
@@ -78,55 +79,44 @@ name, with their arguments.
 
 T = TypeVar("T")
 
-Permit = Callable[[Device], None]
-"""Called with a device before a command moves it; raises DeviceFault to refuse."""
-
-Check = Callable[[], object]
-"""Called before or after a command of a leaf; raises DeviceFault to refuse."""
+Permit = Callable[[Device, Leaf | None], None]
+"""Called with a device before a command of a leaf, if any, moves it; raises DeviceFault to refuse."""
 
 
-def permit_all(device: Device) -> None:
+def permit_all(device: Device, leaf: Leaf | None) -> None:
     """Permit every command."""
-    del device
-
-
-def refuse_motion() -> None:
-    """Raise DeviceFault: the check of leaves within a ``finally`` before every command that moves a device."""
-    raise DeviceFault("kept still: a behaviour in 'finally' must not move anything", hint="do it before the end")
+    del device, leaf
 
 
 class Proxy:
     """Base class of all proxies: the ``device``, its cached values in ``memo``, and the report of its commands.
 
-    ``_may_move`` and ``_moved`` are the checks of the leaf, see ``for_leaf``.
-    ``_tell`` is the function that reports commands; None in a proxy that is not used by a leaf.
+    ``_leaf`` is the leaf that uses the proxy, and ``_tell`` the function that reports its commands; both may be None.
     """
 
     CAPABILITIES: tuple[str, ...] = ()
-    __slots__ = ("_answers", "_device", "_may_move", "_memo", "_moved", "_permit", "_source", "_tell")
+    __slots__ = ("_answers", "_device", "_leaf", "_memo", "_permit", "_source", "_tell")
 
     def __init__(self, device: Any, memo: PartCache, permit: Permit = permit_all) -> None:
         self._device, self._memo, self._permit = device, memo, permit
         self._answers = memo.tick_cache
         self._source = ""
-        self._may_move: Check = ignore
-        self._moved: Check = ignore
+        self._leaf: Leaf | None = None
         self._tell: CommandReport | None = None
 
-    def for_leaf(self, source: str, tell: CommandReport, may_move: Check = ignore, moved: Check = ignore) -> Any:
+    def for_leaf(self, source: str, tell: CommandReport, leaf: Leaf | None = None) -> Any:
         """Return a copy of this proxy for one leaf, with the same device and cache.
 
-        ``tell`` is called with each command and ``source``, the leaf's name. ``may_move`` is called before each command
-        that moves the device or makes it limp, and raises DeviceFault to refuse; ``moved`` is called after each that
-        has moved it.
+        ``tell`` is called with each command and ``source``, the leaf's name. ``permit_motion`` of ``leaf`` is called
+        before each command that moves the device or makes it limp, ``on_motion`` after each that has moved it.
         """
         leafs = object.__new__(type(self))
         for name in (*Proxy.__slots__, *self.__slots__):
             setattr(leafs, name, getattr(self, name))
-        leafs._source, leafs._tell, leafs._may_move, leafs._moved = source, tell, may_move, moved
+        leafs._source, leafs._tell, leafs._leaf = source, tell, leaf
         for name in self.CAPABILITIES:
             if (found := getattr(self, name)) is not None:
-                setattr(leafs, name, found.for_leaf(source, tell, may_move, moved))
+                setattr(leafs, name, found.for_leaf(source, tell, leaf))
         return leafs
 
 
@@ -158,11 +148,11 @@ def _query_of(device: object, member: ProtocolMember) -> Callable[[], object]:
     return reading
 
 
-def for_leaf(part: T, source: str, tell: CommandReport, may_move: Check = ignore, moved: Check = ignore) -> T:
+def for_leaf(part: T, source: str, tell: CommandReport, leaf: Leaf | None = None) -> T:
     """Return the proxy of a part for one leaf; see ``Proxy.for_leaf``."""
     if not isinstance(part, Proxy):
         raise TypeError(f"{part!r} is not a proxy: call `with_proxies` first")
-    leafs: T = part.for_leaf(source, tell, may_move, moved)
+    leafs: T = part.for_leaf(source, tell, leaf)
     return leafs
 
 
@@ -209,8 +199,8 @@ class _ProxySourceWriter:
         for name, protocol in optional.items():
             # Its commands belong to the device around it: they share its cache, and move that device.
             known = self._bind_name(f"{name}_class", partial(proxy_class, protocol))
-            yield f"        found = device.{name}"
-            yield f"        self.{name} = None if found is None else {known}()(found, memo, lambda _: permit(device))"
+            yield f"        found, permit_it = device.{name}, lambda _, leaf: permit(device, leaf)"
+            yield f"        self.{name} = None if found is None else {known}()(found, memo, permit_it)"
         for member in self._members:
             match member.kind:
                 case "property":
@@ -248,9 +238,12 @@ class _ProxySourceWriter:
         yield "tell = self._tell"
         yield from self._convert_arguments(member, command)
         # A command that the leaf must not give is neither reported nor recorded, as a rerun does not give it either.
+        if command.moves or command.releases:
+            yield "leaf = self._leaf"
         if command.releases:
-            yield "self._may_move()"
-        yield from self._if_moving(member, command, "self._may_move()")
+            yield "if leaf is not None:"
+            yield "    leaf.permit_motion()"
+        yield from self._if_moving(member, command, "if leaf is not None:", "    leaf.permit_motion()")
         if command.report == "before":
             yield from self._report_lines(member, command, arguments, "None")
         yield "memo, answers = self._memo, self._answers"
@@ -258,25 +251,25 @@ class _ProxySourceWriter:
         yield "if answers.errors:"
         yield "    answers.clear_errors(memo.part)"
         yield "try:"
-        yield from (f"    {line}" for line in self._if_moving(member, command, "self._permit(self._device)"))
+        yield from (f"    {line}" for line in self._if_moving(member, command, "self._permit(self._device, leaf)"))
         yield f"    result = self._device.{name}({_call_arguments(member)})"
         yield "except DriverError as error:"
         yield f"    memo.record({name!r}, {arguments}, error)"
         yield "    raise"
-        yield from self._if_moving(member, command, "self._moved()")
+        yield from self._if_moving(member, command, "if leaf is not None:", "    leaf.on_motion(memo.part)")
         yield "if answers.is_recording and answers.is_open:"
         yield f"    answers.answers.append((memo.part, {name!r}, {arguments}, result))"
         if command.report == "after":
             yield from self._report_lines(member, command, arguments, "result")
         yield "return result"
 
-    def _if_moving(self, member: ProtocolMember, command: CommandMark, line: str) -> Iterator[str]:
-        """Yield ``line`` of the source for a command that moves the device, under a condition if only some do."""
+    def _if_moving(self, member: ProtocolMember, command: CommandMark, *lines: str) -> Iterator[str]:
+        """Yield ``lines`` of the source for a command that moves the device, under a condition if only some do."""
         if callable(command.moves):
             yield f"if {self._bind_name(f'{member.name}_moves', command.moves)}({_parameter_names(member)}):"
-            line = f"    {line}"
-        if command.moves:
-            yield line
+            yield from (f"    {line}" for line in lines)
+        elif command.moves:
+            yield from lines
 
     def _convert_arguments(self, member: ProtocolMember, command: CommandMark) -> Iterator[str]:
         """Yield the source lines that convert the arguments of a command before use."""

@@ -59,7 +59,7 @@ CALLS: Mapping[str, Mapping[str, tuple[Any, ...] | None]] = {
     "voice": {"say": ("Hello!",), "play": (Path("bell.wav"),), "speaking": ()},
     "sight": {"looked": (), "faces": (), "things": (), "markers": (), "scene": ()},
     "hearing": {"listened": (), "words": (), "refused": (), "level": ()},
-    "screen": {"mood": (Mood.HAPPY,), "show": ("Hello",), "mouth": (0.5,), "shown": ()},
+    "screen": {"mood": (Mood.HAPPY,), "show": ("Hello",), "mouth": (0.5,), "content": ()},
 }
 """The members of each part with the arguments that they are called with; None for a property."""
 
@@ -103,7 +103,7 @@ class Asker:
         leaf.kind = leaf.key = "succeed"
         leaf.run = RunState(ManualClock())
         leaf.run.active_leaf = leaf
-        self.robot = robot_for()(leaf, with_proxies(Robot(**parts), self._answers, lambda _: None), lambda *_: None)
+        self.robot = robot_for()(leaf, with_proxies(Robot(**parts), self._answers, lambda *_: None), lambda *_: None)
 
     def calls(self) -> Iterator[tuple[str, Callable[[], object], Callable[[], object]]]:
         """Yield each member with what calls it on the part, and on the bare device."""

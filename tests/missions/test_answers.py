@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from drivers.api import Coupling, Device, HeadPose, Lamp, Reading, Source, Tune, Velocity
 from drivers.errors import BadRequest, DeviceFault, DriverError, NotConnected
@@ -37,8 +38,8 @@ class Moments:
         self.asked += 1
         return self.pose()
 
-    def _permit(self, device: Device) -> None:
-        del device
+    def _permit(self, device: Device, leaf: Leaf | None) -> None:
+        del device, leaf
         if self.refusal is not None:
             raise self.refusal
 

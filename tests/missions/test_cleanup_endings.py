@@ -15,7 +15,7 @@ from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
 from behaviours.robot import Robot, hold_still
 from behaviours.run import RunState
 from config.diagnostics import SourceText
-from drivers.api import HeadPose, Lamp, Velocity
+from drivers.api import HeadPose, Health, Lamp, Velocity, ignore
 from drivers.clock import ManualClock
 from drivers.errors import DeviceFault
 from missions.api import load
@@ -23,7 +23,7 @@ from missions.executive.build import build
 from missions.executive.events import CommandSent, Event, Logged, NodeChanged
 from missions.executive.executive import HALT_TIMEOUT, Executive
 from missions.executive.guard import BaseGuard
-from missions.executive.proxied_robot import robot_for, with_proxies
+from missions.executive.proxied_robot import StaleCommandGuard, robot_for, with_proxies
 from missions.executive.stream import EventStream
 from missions.executive.tick_cache import TickCache
 from missions.language.document import check_plan
@@ -446,6 +446,44 @@ def test_leaf_moves_from_elsewhere_only_while_it_is_ticked(bench: LeafTestBench)
     assert not is_refused()
     bench.halt(leaf)
     assert is_refused()
+
+
+def test_leaf_moves_a_reconnected_part_from_elsewhere_only_after_a_new_start(bench: LeafTestBench) -> None:
+    leaf = bench.put(Goer("goer"))
+    leaf.robot = robot_for(leaf, with_proxies(bench.robot, TickCache(), StaleCommandGuard(ignore)), ignore)
+    bench.tick(leaf)
+    assert bench.run.active_leaf is None  # as for a thread, or while another leaf uses the robot
+    bench.arm.health = lambda: Health(True, reconnected_at=bench.run.now() + 1.0)  # type: ignore[method-assign]
+    with pytest.raises(DeviceFault, match="goer began before it was back"):
+        leaf.robot.arm.move({"elbow": 1.0})
+    bench.halt(leaf)
+    bench.clock.advance(2.0)
+    bench.arm.health = lambda: Health(True, reconnected_at=bench.run.now() - 1.0)  # type: ignore[method-assign]
+    bench.tick(leaf)
+    leaf.robot.arm.move({"elbow": 1.0})
+    assert bench.arm.commands[-1] == {"elbow": 1.0}
+
+
+@pytest.mark.parametrize("drops", [lambda executive: executive.hold(held=True), Executive.resume])
+def test_hold_and_resume_drop_the_steps_that_are_not_made_yet(
+    drops: Callable[[Executive], None], bench: LeafTestBench
+) -> None:
+    leaf = Goer("goer")
+    put(bench, leaf)
+    executive = Executive(leaf, bench.run, EventStream())
+
+    def wait(seconds: float) -> None:
+        del seconds
+        executive.step()
+        executive.step()
+        drops(executive)
+        executive.hold(held=False)
+        executive.pause()
+        executive.idle = lambda _: executive.stop("enough")
+
+    executive.pause()
+    executive.idle = wait
+    assert executive.loop().ticks == 0
 
 
 def test_motion_that_begins_while_its_leaf_is_halted_is_stopped(bench: LeafTestBench) -> None:

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
+from behaviours.leaf import Leaf
 from drivers.api import Coupling, Device, Joints
 from drivers.errors import BadRequest
 from drivers.servos.joint import JointSpec
@@ -31,8 +32,8 @@ class Told:
         assert (part, source) == ("arm", "wave")
         self.commands.append(values)
 
-    def _permit(self, device: Device) -> None:
-        assert device is self.twin
+    def _permit(self, device: Device, leaf: Leaf | None) -> None:
+        assert (device, leaf) == (self.twin, None)
         self.permits += 1
 
     def torque(self) -> list[bool]:

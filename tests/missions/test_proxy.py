@@ -8,6 +8,7 @@ from typing import Any, Protocol
 
 import pytest
 
+from behaviours.leaf import Leaf
 from behaviours.robot import Robot
 from behaviours.voice import Say
 from drivers.api import Coupling, Device, HeadPose, Lamp, Mood, Source, Tune, Velocity
@@ -88,8 +89,8 @@ class Deck:
         self.row.append(("load_at", stamp))
         return stamp
 
-    def permit(self, device: Device) -> None:
-        assert device is self
+    def permit(self, device: Device, leaf: Leaf | None) -> None:
+        assert (device, leaf) == (self, None)
         self.row.append("permit")
 
     def tell(self, to: str, source: str, values: Mapping[str, object]) -> None:
@@ -174,7 +175,7 @@ def leafs_robot(bench: LeafTestBench, report: CommandReport = lambda *_: None, p
 
 
 def test_leaf_cannot_enable_a_part_stopped_by_a_person() -> None:
-    def stopped(_: Device) -> None:
+    def stopped(*_: object) -> None:
         raise DeviceFault("stopped by Ann")
 
     bench = LeafTestBench()

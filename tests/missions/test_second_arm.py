@@ -281,7 +281,7 @@ def test_stop_latches_both_arms_until_released(make: Make) -> None:
         assembled.devices, assembled.stoppable_parts, None, assembled.safe_stop, lambda _: None, lambda: None
     )
     answers = TickCache()
-    seen = with_proxies(robot, answers, lambda _: latch.permit())
+    seen = with_proxies(robot, answers, lambda *_: latch.permit())
     arms = {left: seen.arm, right: seen.with_named_parts({"arm": "right_arm"}).arm}
     for arm, joints in arms.items():
         joints.move({"elbow": radians(80)}, speeds={"elbow": radians(30)})

@@ -253,16 +253,15 @@ class CommandSource:
         self.started_at = run.clock.now()
         self.label = "the driver"
         self._source, self._velocity, self._base, self._run = source, velocity, base, run
-        self._permit = StaleCommandGuard(run, lambda: None)
+        self._permit = StaleCommandGuard(lambda: None)
 
     def command(self) -> None:
         """Send the source's velocity command again, unless the source has ended."""
         if self.end_reason:
             return
         mission = self._source is Source.MISSION
-        self._run.active_leaf = cast("Leaf", self) if mission else None
         try:
-            self._permit(self._base)
+            self._permit(self._base, cast("Leaf", self) if mission else None)
             self._base.drive(self._velocity, source=self._source)
             self.feedback = ""
         except NotConnected:
