@@ -1,6 +1,6 @@
 """Verdicts of an exploration, rule by rule: proved, refuted by a counterexample, or undecided."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable, Sequence
 from math import inf
 
 from behaviours.leaf import RUNNING
@@ -91,16 +91,30 @@ class RuleChecker:
         return RuleVerdict(rule, REFUTED, (RuleFinding(fault, trace_to(self._space, trap)),))
 
     def _check_reachability(self) -> RuleVerdict:
-        """Return the verdict on whether each node is reached, except children that always have the weight 0."""
+        """Return the verdict on whether each node is reached, except children that always have the weight 0.
+
+        A node of a sub-mission that runs in several places is reached if one of them reaches it.
+        """
         reached, nodes = self._space.facts, self._space.model.nodes
         unreached = [node for node in nodes if node not in reached and (node.parent is None or node.parent in reached)]
         decided = self._space.is_complete and not any(node in self._space.doubtful for node in unreached)
-        missed = [node for node in unreached if not (decided and self._has_weight(node))]
+        places = {self._place_key(node) for node in nodes if node in reached}
+        missed = [node for node in self._one_per_place(unreached, places) if not (decided and self._has_weight(node))]
         count = len(nodes) - sum(len(list(node.iterate())) for node in unreached if node not in missed)
         rule = "its node can be reached" if count == 1 else f"each of its {count} nodes can be reached"
         if not missed or not decided:
             return self._partial_verdict(rule, count, len(missed))
         return RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._unreached_diagnostic(node)) for node in missed))
+
+    def _place_key(self, node: Node) -> tuple[str, Mark, str]:
+        """Return the place of a node in its file; the copies of a sub-mission share the places of their nodes."""
+        step = self._steps[node.key]
+        return step.source.name, step.mark, step.kind
+
+    def _one_per_place(self, nodes: Sequence[Node], without: Container[object]) -> list[Node]:
+        """Return the first of ``nodes`` at each place in the files that is not in ``without``."""
+        first = {self._place_key(node): node for node in reversed(nodes)}
+        return [node for node in nodes if first[self._place_key(node)] is node and self._place_key(node) not in without]
 
     def _has_weight(self, node: Node) -> bool:
         """Return whether a node is a child with a weight; with one above 0, some run draws it first."""
@@ -136,7 +150,9 @@ class RuleChecker:
         rule = f"its {len(watch.timed_nodes)} waits and timeouts" if len(watch.timed_nodes) > 1 else f"its '{one.kind}'"
         rule = f"{rule} can be over"
         facts, doubtful = self._space.facts, self._space.doubtful
-        missed = [node for node in watch.timed_nodes if node in facts and TimeOver(node) not in facts]
+        over = {self._place_key(node) for node in watch.timed_nodes if TimeOver(node) in facts}
+        lasting = [node for node in watch.timed_nodes if node in facts and TimeOver(node) not in facts]
+        missed = self._one_per_place(lasting, over)
         if not missed or not self._space.is_complete or any(TimeOver(node) in doubtful for node in missed):
             return [self._partial_verdict(rule, len(watch.timed_nodes), len(missed))]
         return [RuleVerdict(rule, REFUTED, tuple(RuleFinding(self._never_over_diagnostic(node)) for node in missed))]

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from missions.language.plan import Plan
-from missions.plugins.verify.explore import StateSpace, trace_to
+from missions.plugins.verify.explore import PROVED, REFUTED, StateSpace, trace_to
 from missions.plugins.verify.model import MissionModel
 from tests.missions.testing.verify.exploring import explored, plan_of
 
@@ -73,3 +73,23 @@ def test_lines_of_a_sub_mission_are_shown_with_its_file(tmp_path: Path, monkeypa
     assert "say (inner.yaml:5) starts, and drive has succeeded before" in report
     assert "the time of 'delay' (inner.yaml:6) is over; say (inner.yaml:5) succeeds -> delay (inner.yaml:6)" in report
     assert "'sequence' (line 3): the child before it never succeeds" in report  # the error is in its file
+
+
+def test_node_of_a_shared_sub_mission_is_unreached_only_if_no_call_reaches_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cases = "{a: {wait: 3 s, timeout: '${limit}'}, b: {say: B}, c: {say: C}}"
+    params = "{place: {type: choice, choices: [a, b, c]}, limit: {type: duration}}"
+    Path("inner.yaml").write_text(
+        f"mission: inner\nparams: {params}\ntree:\n  switch:\n    {{on: place, cases: {cases}}}\n"
+    )
+    call = "{{mission: inner.yaml, with: {{place: {}, limit: {}}}}}".format
+    alone = explored(call("b", "2 s"))
+    assert [verdict.outcome for verdict in alone.verdicts[1:2]] == [REFUTED]
+    twice = explored(f"sequence: [{call('b', '2 s')}, {call('c', '2 s')}, {call('c', '2 s')}]")
+    assert [each.fault.message for each in twice.verdicts[1].findings] == ["'wait' is never reached"]
+    thrice = explored(f"sequence: [{call('a', '9 s')}, {call('b', '2 s')}, {call('c', '2 s')}, {call('a', '9 s')}]")
+    assert thrice.verdicts[1].outcome == PROVED
+    (timeouts,) = (each for each in thrice.verdicts if each.rule.endswith("can be over"))
+    assert [each.fault.message for each in timeouts.findings] == []
