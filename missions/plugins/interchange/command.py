@@ -8,12 +8,14 @@ import click
 
 from behaviours.leaf import Leaf
 from config.file_io import save_file
+from config.yaml_nodes import read_source
 from missions.cli.option_declarations import behaviours_option
 from missions.cli.outputs import check_folder, report_write_errors
-from missions.library.vocabulary import load_leaves
-from missions.plugins.interchange.importer import ImportedProject, import_python_tree, import_trees
+from missions.library.vocabulary import behaviour_files_beside, load_leaves
+from missions.plugins.interchange.importer import REPORT_NAME, ImportedProject, import_python_tree, import_trees
 from missions.plugins.interchange.leaf_rules import LeafRule, read_rules
 from missions.plugins.interchange.python_trees import TARGET, PythonTreeError
+from missions.plugins.interchange.written_leaves import merge_stubs, tags_in
 
 
 @click.command("import", epilog="Example: mission import patrol.xml -o patrol")
@@ -33,7 +35,7 @@ from missions.plugins.interchange.python_trees import TARGET, PythonTreeError
     metavar="TABLE.yaml",
     help="Your table of leaves: which behaviour of a mission replaces which leaf.",
 )
-@click.option("--force", is_flag=True, help="Replace existing files.")
+@click.option("--force", is_flag=True, help="Replace existing missions; leaves in FOLDER/behaviours are kept.")
 @behaviours_option
 def command(source: str, output: Path, table: Path | None, files: tuple[Path, ...], *, force: bool) -> None:
     """Make missions of behaviour trees: XML of BehaviorTree.CPP 3 and 4, Nav2 and py_trees.
@@ -50,6 +52,7 @@ def command(source: str, output: Path, table: Path | None, files: tuple[Path, ..
     leaves = load_leaves(files)
     imported = _import(source, leaves, None if table is None else read_rules(table, leaves))
     _check_output(output, imported, force=force)
+    kept = _keep_leaves(output, imported)
     with report_write_errors(output, "-o"):
         for name, text in imported.files.items():
             target = output / name
@@ -58,6 +61,8 @@ def command(source: str, output: Path, table: Path | None, files: tuple[Path, ..
     for line in imported.report.lines():
         click.echo(line)
     click.echo(f"wrote {_counted(imported)} to {output}")
+    for line in kept:
+        click.echo(line)
     click.echo(f"  next: mission check {shlex.quote(str(output))}")
 
 
@@ -74,6 +79,21 @@ def _import(source: str, leaves: Mapping[str, type[Leaf]], rules: dict[str, Leaf
     except PythonTreeError as error:
         hint = "try: MODULE:FUNCTION or FILE.py:FUNCTION, where FUNCTION returns the root of a tree of py_trees"
         raise click.BadParameter(f"'{source}' cannot be read: {error}\n  {hint}", param_hint="SOURCE") from error
+
+
+def _keep_leaves(folder: Path, imported: ImportedProject) -> list[str]:
+    """Keep the leaves in the stub file of an earlier import, and return lines about them. Raises InvalidFileError."""
+    lines = list[str]()
+    for name in [each for each in imported.files if each.endswith(".py") and (folder / each).exists()]:
+        file = folder / name
+        others = [each for each in behaviour_files_beside(folder / REPORT_NAME) if each != file]
+        elsewhere = {tag for each in others for tag in tags_in(read_source(each))}
+        merged = merge_stubs(read_source(file), imported.files[name], elsewhere)
+        imported.files[name] = merged.text
+        imported.stubs = len(merged.added)
+        lines.append(f"kept the leaves in {file}")
+        lines += (f"  '{tag}' is a stub of other trees: to replace it, delete its class" for tag in merged.outdated)
+    return lines
 
 
 def _counted(imported: ImportedProject) -> str:
@@ -94,6 +114,6 @@ def _check_output(folder: Path, imported: ImportedProject, *, force: bool) -> No
         if target.exists() and not force:
             others = sum((folder / each).exists() for each in imported.files) - 1
             more = f", and {others} more files" if others else ""
-            raise click.BadParameter(
-                f"{target} already exists{more}\n  try: another folder, or --force to replace them", param_hint="-o"
-            )
+            kept = "; the leaves in FOLDER/behaviours are kept" if imported.stubs else ""
+            hint = f"try: another folder, or --force to replace them{kept}"
+            raise click.BadParameter(f"{target} already exists{more}\n  {hint}", param_hint="-o")

@@ -72,6 +72,44 @@ def test_existing_files_are_kept_without_force(mission: Mission, tmp_path: Path)
     assert (tmp_path / "made" / "patrol.yaml").read_text() != "mine"
 
 
+def test_second_import_keeps_written_leaves_and_adds_new_stubs(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    mission("import", "tree.xml", "-o", "made")
+    file = tmp_path / "made" / "behaviours" / "tree.py"
+    written = file.read_text().replace("    stub = ", "    note = ") + "\n\nclass Lift(Leaf):\n    tag = 'raise'\n"
+    file.write_text(written)
+    (tmp_path / "made" / "behaviours" / "own.py").write_text(
+        written.replace("'raise'", '"own"').replace("grasp", "see")
+    )
+    (tmp_path / "tree.xml").write_text(
+        tree_text('<Sequence><Grasp force="3"/><Lift/><Find output_a="{a}" output_b="{b}"/><See force="3"/></Sequence>')
+    )
+    refused = mission("import", "tree.xml", "-o", "made")
+    assert "the leaves in FOLDER/behaviours are kept" in refused.err
+    done = mission("import", "tree.xml", "-o", "made", "--force")
+    assert "wrote 1 mission and 2 stub leaves to made\nkept the leaves in made/behaviours/tree.py" in done.out
+    text = file.read_text()
+    assert text.startswith(written.rstrip())
+    assert "\nfrom collections.abc import Mapping\nfrom typing import Any\n" in text
+    assert "class Lift_(Leaf):" in text
+    assert 'tag = "see"' not in text
+    assert mission("check", "made").code == 0
+    assert mission("import", "tree.xml", "-o", "made", "--force").code == 0
+    assert file.read_text() == text
+
+
+def test_second_import_names_outdated_stubs_and_refuses_broken_files(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    mission("import", "tree.xml", "-o", "made")
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP.replace("force", "power")))
+    done = mission("import", "tree.xml", "-o", "made", "--force")
+    assert "'grasp' is a stub of other trees: to replace it, delete its class" in done.out
+    (tmp_path / "made" / "behaviours" / "tree.py").write_text("class Grasp(\n")
+    refused = mission("import", "tree.xml", "-o", "made", "--force")
+    assert refused.code == 2
+    assert "tree.py:1:1: not valid Python" in refused.err
+
+
 def test_links_in_the_folder_are_not_followed(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "tree.xml").write_text(tree_text(GRASP))
     (tmp_path / "elsewhere").mkdir()
