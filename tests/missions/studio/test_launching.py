@@ -23,9 +23,12 @@ def served(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
 
 
 def ended(client: Client, run: str) -> str:
-    """Watch a run until it is over, or is not there any more, and return why."""
+    """Watch a run until it is over, or is not there any more, and return its result and the reason."""
     told = client.ask("watch", run=run)
-    return str(told.get("message") or client.hear(lambda each: each["say"] == "over")["reason"])
+    if "message" in told:
+        return str(told["message"])
+    over = client.hear(lambda each: each["say"] == "over")
+    return f"{over['result']} {over['reason']}"
 
 
 def test_run_is_recorded_or_continues_with_a_warning(served: Served) -> None:
