@@ -38,8 +38,9 @@ def custom_element(writer: TreeWriter, step: Step) -> Element:
     ports = dict[str, str]()
     if step.kind in SWITCHES:
         on = writer.argument(step, "on")
-        names = ", ".join(flow_text(case) for case, _ in writer.case_entries(step))
-        ports = {"on": on.text if isinstance(on, Scalar) else "", "cases": f"{YAML_PREFIX}[{names}]"}
+        ports = {"on": on.text if isinstance(on, Scalar) else ""}
+        cases = enumerate(writer.case_entries(step), start=1)
+        ports |= {f"case_{number}": port_text(case, is_text=False) for number, (case, _) in cases}
     beside = writer.mission.beside(step)
     for name in writer.settings(step):
         if (node := beside.get(name)) is not None:
@@ -95,7 +96,7 @@ def _custom_loop(writer: TreeWriter, step: Step) -> Element:
 
 
 def _custom_leaf(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> Element:
-    role = "Condition" if leaf.instant and not leaf.drives and not leaf.open_ended else "Action"
+    role = "Condition" if leaf.instant and not (leaf.drives or leaf.acts or leaf.open_ended) else "Action"
     id_ = _custom_id(leaf.tag)
     model = _model(writer, role, id_, leaf.tag, _first_line(leaf), step)
     for argument in leaf.arguments.values():

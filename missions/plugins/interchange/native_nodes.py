@@ -114,10 +114,12 @@ def _switch(writer: TreeWriter, step: Step) -> Element:
         marks = {MARK: step.kind, CASES: f"[{', '.join(names)}]"}
         return writer.new(tag, step, marks, [condition, *branches], is_named=True)
     plain = all(isinstance(case, str | int) and not isinstance(case, bool) for case in step.cases)
-    if not SWITCHES[step.kind].reactive or kind not in (TEXT, WHOLE, ANY) or text not in writer.mission.kinds:
+    if kind not in (TEXT, WHOLE, ANY) or text not in writer.mission.kinds:
         raise NotAScriptError(f"a '{step.kind}' on this value")
     if not plain or not 2 <= len(cases) <= 6:
         raise NotAScriptError(f"a '{step.kind}' with these cases")
+    if not SWITCHES[step.kind].reactive:
+        raise NotAScriptError(f"a 'switch' that keeps its case (a 'reactive_switch' becomes Switch{len(cases)})")
     attributes = {"variable": f"{{{text}}}", **{f"case_{n}": case for n, case in enumerate(cases, start=1)}}
     if not has_default:
         children.append(writer.new("AlwaysFailure", step, {MARK: FILLER}))

@@ -228,7 +228,9 @@ def _can_be_case(name: str | Verbatim | None) -> bool:
 def _case_names(element: Element) -> list[Verbatim]:
     """Return the cases of an exported switch, in the order of its children; empty if they cannot be read."""
     try:
-        found = read_flow(element.attributes.get(CASES, element.attributes.get("cases", "")))
+        ports = (element.attributes.get(f"case_{number}") for number in range(1, len(element.children) + 1))
+        names = ", ".join(port_value(text, is_text=False) for text in ports if text)
+        found = read_flow(element.attributes.get(CASES, f"[{names}]"))
     except ValueError:
         return []
     items = found.items if isinstance(found, Listing) else []

@@ -18,7 +18,7 @@ from missions.plugins.interchange.xml_reader import Element
 CUSTOM = "custom"
 LEAVES = "Actions and conditions, for which BehaviorTree.CPP needs classes of yours"
 EXPLANATIONS = {
-    LOST: "Not carried over; an import finds it again",
+    LOST: "Without effect there, but kept in the file for an import",
     CUSTOM: "Custom nodes, for which BehaviorTree.CPP needs a class of yours",
     DIFFERS: "Carried over with a difference",
 }

@@ -174,6 +174,13 @@ def test_cases_and_names_are_read_back_with_their_types(tmp_path: Path) -> None:
     export(tmp_path, "{switch: {on: word, cases: {'1 m': succeed, '5': fail}}}")
 
 
+def test_a_switch_that_is_custom_has_its_cases_as_ports_and_the_reason(tmp_path: Path) -> None:
+    exported = export(tmp_path, "{switch: {on: word, cases: {a: succeed, '5': {log: b}}}}")
+    assert body(exported).attributes == {"on": "word", "case_1": "a", "case_2": 'yaml: "5"'}
+    assert any("a 'reactive_switch' becomes Switch2" in line for line in exported.lines())
+    assert '<Action ID="Log">' in exported.text
+
+
 def test_comments_and_names_are_kept(tmp_path: Path) -> None:
     path = tmp_path / "m.yaml"
     steps = "    # the first\n    - succeed\n    - fail: x\n      name: last\n"
