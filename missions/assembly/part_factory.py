@@ -27,6 +27,7 @@ from drivers.api.kinds import KINDS
 from drivers.api.sections import ArmKeys
 from drivers.clock import Clock, SystemClock
 from drivers.errors import BadRequest
+from drivers.extras import extra_hint
 from missions.library.import_trial import error_text, find_name_problem
 from missions.library.interests import Interests
 from perception.api import Frame, Gaze, View
@@ -142,7 +143,8 @@ def camera_position(config: RobotConfig) -> tuple[float, float, float]:
 def resolve_maker(name: str, section: Section, what: str) -> Callable[..., Any]:
     """Return the function with the dotted ``name`` that makes a device, twin or virtual device (``what``, for errors).
 
-    Raises BadRequest if the driver of ``section`` does not declare one, or if the name is wrong.
+    Raises BadRequest if the driver of ``section`` does not declare one, if the name is wrong, or if a package that the
+    driver needs is not installed.
     """
     driver = section.driver
     part = f"{section.part}: the driver '{driver.name}'"
@@ -154,6 +156,8 @@ def resolve_maker(name: str, section: Section, what: str) -> Callable[..., Any]:
     try:
         found: Callable[..., Any] = resolve_name(name)
     except Exception as error:
+        if isinstance(error, ModuleNotFoundError) and (install := extra_hint(driver.extra)):
+            raise BadRequest(f"{part} needs the package '{error.name}'", hint=install) from error
         raise BadRequest(f"{part} has a wrong {what}, {name}: {error_text(error)}", hint="tell its author") from error
     return found
 

@@ -49,7 +49,6 @@ def declared_commands() -> Iterator[tuple[str, CommandEntry]]:
 OLD_NAMES: Mapping[str, str] = {
     "motion": "run",
     "serve": "task serve",
-    "behaviours": "list behaviours",
     "world show": "show",
     "world": "show",
     "fault": "simulate fault",
@@ -65,7 +64,6 @@ OLD_NAMES: Mapping[str, str] = {
     "storm": "make storm",
     "task cancel": "task remove",
     "record mend": "record repair",
-    "controller list": "list controllers",
     "gait show": "show",
     "servo set-id": "servo set SERVO id NEW",
     "servo set-baud": "servo set SERVO baud RATE",
@@ -184,9 +182,16 @@ class LazyGroup(click.Group):
         return super().resolve_command(ctx, args)
 
     def suggestion(self, ctx: click.Context, word: str) -> str:
-        """Return the likely words after ``mission`` for an unknown ``word``."""
-        from config.diagnostics import closest  # noqa: PLC0415 - as in `guarded`
+        """Return the likely words after ``mission`` for an unknown ``word``.
 
+        ``list`` in the group of a kind, as in ``robot list``, and the plural of a kind suggest ``mission list``.
+        """
+        from config.diagnostics import closest  # noqa: PLC0415 - as in `guarded`
+        from missions.cli.list import LISTED_KINDS  # noqa: PLC0415 - likewise
+
+        kind = f"{self.name}s" if word == "list" else word
+        if kind in LISTED_KINDS:
+            return f"list {kind}"
         return " ".join((*self.path, closest(word, self.list_commands(ctx)) or "--help"))
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:

@@ -209,8 +209,8 @@ def read_body(
     return MissionBody(mission, summary, tree, returns, properties, _if_interrupted(context, root))
 
 
-_SPLIT_VALUE = re.compile(r"[{\[].*\([^()]*,")
-"""Pattern of a text in flow style with a comma in brackets: the files in which a value may be split."""
+_SPLIT_VALUE = re.compile(r"[{\[].*(?:\([^()]*,|, *[^\s:,{}\[\]]+ [^:,{}\[\]]*[,}])")
+"""Pattern of a text in flow style with a comma in brackets or words: the files in which a value may be split."""
 
 
 def _with_joined_values(context: CheckContext, root: Mapping) -> Mapping:

@@ -1,4 +1,7 @@
-"""Values in flow style that YAML splits at a comma, such as ``{on: random(0, 2)}``: one error for each."""
+"""Values in flow style that YAML splits at a comma, such as ``{on: random(0, 2)}``: one error for each.
+
+A text is split as well if keys with spaces and without values follow it: ``{help: shelf 1, shelf 2 or office}``.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -30,8 +33,11 @@ def join_split_values(node: Node, report: Report, is_split: IsSplit = has_open_b
         place = 0
         while place < len(node.entries):
             key, value = node.entries[place]
-            parts = takewhile(lambda entry: _is_empty(entry[1]), node.entries[place + 1 :])
-            value, count = _join(value, [part for part, _ in parts], report, is_split)
+            parts = [part for part, _ in takewhile(lambda entry: _is_empty(entry[1]), node.entries[place + 1 :])]
+            value, count = _join(value, parts, report, is_split)
+            is_prose = any(" " in part.text for part in parts) and parts[-1].mark.line == value.mark.line
+            if not count and is_prose and not _is_empty(value):
+                value, count = _join(value, parts, report, lambda _, part: bool(part))
             entries.append((key, join_split_values(value, report, is_split)))
             place += 1 + count
         return replace(node, entries=entries)

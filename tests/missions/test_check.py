@@ -374,6 +374,12 @@ UNITS = "(units: deg, rad)"
             "'max(1, 2, 3) == n' is split at its comma in {...} or [...]",
             'put quotes around it: "max(1, 2, 3) == n"',
         ),
+        (
+            ["- {log: hall, shelf 1 or office, name: where}"],
+            "hall",
+            "'hall, shelf 1 or office' is split at its comma in {...} or [...]",
+            'put quotes around it: "hall, shelf 1 or office"',
+        ),
         # what stands beside
         (
             ["- wait_for: face_seen", "  as: it"],

@@ -24,7 +24,7 @@ from drivers.errors import BadRequest
 from drivers.sim.context import SimContext
 from drivers.table import BUILT_IN_DRIVERS
 from missions.assembly.assemble import assemble
-from missions.assembly.part_factory import Hooks, Overrides
+from missions.assembly.part_factory import Hooks, Overrides, resolve_maker
 from missions.library.drivers import DriverTable, load_robot, parse_robot
 
 DRIVERS = [DriverTable().find(kind, name) for kind, names in BUILT_IN_DRIVERS.items() for name in names]
@@ -179,3 +179,19 @@ def test_a_broken_declaration_is_one_clear_error_and_breaks_nothing_else(
     assert (first.mark.line, second.message) == (2, "'voice' has no key 'loud'")
     sound = {(each.kind, each.name) for *_, each in DriverTable().iter_drivers() if isinstance(each, Driver)}
     assert sound == {(each.kind, each.name) for each in DRIVERS}
+
+
+def test_missing_package_of_a_driver_is_reported_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    def resolve(_: str) -> object:
+        raise ModuleNotFoundError("No module named 'rosbags'", name="rosbags")
+
+    monkeypatch.setattr("missions.assembly.part_factory.resolve_name", resolve)
+    section = load_robot(find_file("robots", "turtlebot4")).sections["base"]
+    for missing, message, hint in (
+        (["rosbags"], "base: the driver 'ros2' needs the package 'rosbags'", "pip install 'missiontree[ros2]'"),
+        ([], "base: the driver 'ros2' has a wrong twin, drivers.x:y: ModuleNotFoundError", "tell its author"),
+    ):
+        monkeypatch.setattr("drivers.extras.missing_distributions", lambda _, found=missing: found)
+        with pytest.raises(BadRequest, match=message) as raised:
+            resolve_maker("drivers.x:y", section, "twin")
+        assert raised.value.hint == hint
