@@ -112,9 +112,7 @@ class RerunFiles:
         path = self._path_of(self._header.file) if mission is None else find_mission(mission)
         return load_plan(
             path,
-            load_leaves(
-                self._code or ([self._unpacked_path(name) for name in self._header.behaviours] if self._trusted else [])
-            ),
+            load_leaves(self._leaves()),
             self._lookups(),
             find_mission=self._find_mission,
             params=self._header.params,
