@@ -345,6 +345,19 @@ def converter(context: CheckContext, argument: Argument) -> Convert:
     return thing_converter(context, kind) or partial(_CONVERTERS.get(kind, _nonempty_name), argument)
 
 
+def check_constant(argument: Argument, value: object) -> None:
+    """Raise ValueError if a constant from another program or a table does not suit an argument.
+
+    The names of gestures and the like are not looked up; spans and values of joints are not checked.
+    """
+    if argument.span or argument.by_joint:
+        return
+    if argument.kind in UNITS:
+        _measure(argument, value)
+    else:
+        _CONVERTERS.get(argument.kind, _any_value)(argument, value)
+
+
 def _measure(argument: Argument, value: object) -> float:
     si = in_si(value, argument.kind)
     if not argument.low <= si <= argument.high:

@@ -1,10 +1,11 @@
 """Import of a project of BehaviorTree.CPP: texts of missions from its trees, stubs of its leaves, and the report."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from behaviours.leaf import Leaf
+from config.diagnostics import did_you_mean
 from config.yaml_writer import yaml_word
 from missions.language.nodes import BOTH_ENDS, MISSION, Ends
 from missions.plugins.interchange.blackboard import (
@@ -24,7 +25,7 @@ from missions.plugins.interchange.mission_text import MissionStep, mission_text,
 from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
 from missions.plugins.interchange.python_trees import load_tree, tree_element
-from missions.plugins.interchange.report import LOST, ImportReport
+from missions.plugins.interchange.report import LOST, UNUSED, ImportReport, Remark
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import translate_node
 from missions.plugins.interchange.yaml_ports import entries_of, is_pointer
@@ -93,6 +94,7 @@ def import_project(
     }
     for each in translated.values():
         each.translate()
+    _report_unused_rules(rules or {}, project, stubs, imported.report)
     interfaces = _connect(project, translated, names, imported.report)
     _remove_dead_steps(translated, leaves, stubs, imported.report)
     for key, each in translated.items():
@@ -105,6 +107,27 @@ def import_project(
         imported.files[file] = stub_file_text(path.name, stubs.stubs.values(), file)
     imported.files[REPORT_NAME] = imported.report.markdown(f"Import of {path.name}")
     return imported
+
+
+def _report_unused_rules(
+    rules: Mapping[str, LeafRule], project: ForeignProject, stubs: StubTable, report: ImportReport
+) -> None:
+    """Report the leaves and ports in the user's table of leaves that no tree has."""
+    for name, rule in rules.items():
+        if name not in stubs.ports:
+            texts = [_with_hint(f"no tree has a leaf '{name}'", name, stubs.ports)]
+        else:
+            model = project.models.get(name)
+            known = stubs.ports[name].union(() if model is None else model.ports)
+            unknown = [port for port in (*rule.ports, *rule.outputs) if port not in known]
+            texts = [_with_hint(f"no node '{name}' has a port '{port}'", port, known) for port in unknown]
+        for text in texts:
+            report.remarks[Remark(UNUSED, rule.place, "", text)] = None
+
+
+def _with_hint(text: str, word: str, known: Collection[str]) -> str:
+    hint = did_you_mean(word, known)
+    return f"{text}; {hint}" if hint else text
 
 
 def _mission_names(project: ForeignProject) -> dict[int, str]:

@@ -6,11 +6,12 @@ Users extend the table by a YAML file with one key, ``leaves``::
       SaySomething: {leaf: say, ports: {message: text}}
       Spin: {leaf: turn, ports: {spin_dist: angle in rad, time_allowance: timeout in s}}
       Retreat: {leaf: drive, ports: {distance: -distance in m}}
+      Bow: {leaf: gesture, with: {gesture: hello}}
       ComputePathToPose: {outputs: [path]}
 
 Each port has the name of an argument, with the unit of the port's number. The minus in ``-distance in m`` reverses the
-sign, and ``|speed| in m/s`` drops it. ``outputs`` are the ports that the leaf writes. If a leaf of missions replaces
-it, ``as`` stores the first output.
+sign, and ``|speed| in m/s`` drops it. ``with`` has constant arguments. ``outputs`` are the ports that the leaf writes:
+if a leaf of missions replaces it, ``as`` stores the first of them.
 """
 
 import re
@@ -18,13 +19,15 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from behaviours.leaf import Leaf
+from behaviours.leaf import Argument, Leaf
 from config.diagnostics import Diagnostic, InvalidFileError, suggest_from
 from config.units import UNITS
 from config.yaml_nodes import Listing, Node, Scalar, compose, read_source
 from config.yaml_nodes import Mapping as Entries
+from missions.language.arguments import check_constant
+from missions.plugins.interchange.yaml_ports import entries_of, flow_text
 
-RULE_KEYS = ("leaf", "ports", "outputs")
+RULE_KEYS = ("leaf", "ports", "with", "outputs")
 PORT_RULE = re.compile(r"(?P<sign>-?)(?P<size>\|?)(?P<argument>[A-Za-z_]\w*)(?P=size)(?:\s+in\s+(?P<unit>\S+))?")
 TIMEOUT = "timeout"
 """Name in a table of leaves for a port that becomes the modifier ``timeout``, instead of an argument."""
@@ -47,12 +50,15 @@ class PortRule:
 class LeafRule:
     """How a leaf of another program is translated: the tag of the mission's ``leaf``, and an argument for each port.
 
-    ``outputs`` are the ports that the leaf writes. If ``leaf`` is empty, the rule only declares them.
+    ``constants`` are further arguments, as YAML. ``outputs`` are the ports that the leaf writes. If ``leaf`` is empty,
+    the rule only declares them. ``place`` is the rule's line in the user's table.
     """
 
     leaf: str = ""
     ports: Mapping[str, PortRule] = field(default_factory=dict)
     outputs: tuple[str, ...] = ()
+    constants: Mapping[str, str] = field(default_factory=dict)
+    place: str = ""
 
 
 def _rule(leaf: str, **ports: str) -> LeafRule:
@@ -94,7 +100,7 @@ def read_rules(path: Path, leaves: Mapping[str, type[Leaf]]) -> dict[str, LeafRu
     found = {}
     for name, node in table.entries:
         try:
-            found[name.text] = _read_rule(node, leaves)
+            found[name.text] = _read_rule(node, leaves, f"{path.name}:{name.mark.line}")
         except ValueError as error:
             faults.append(Diagnostic(source, node.mark, f"'{name.text}': {error}"))
     if faults:
@@ -102,7 +108,7 @@ def read_rules(path: Path, leaves: Mapping[str, type[Leaf]]) -> dict[str, LeafRu
     return found
 
 
-def _read_rule(node: Node, leaves: Mapping[str, type[Leaf]]) -> LeafRule:
+def _read_rule(node: Node, leaves: Mapping[str, type[Leaf]], place: str) -> LeafRule:
     if not isinstance(node, Entries) or not node.entries:
         raise ValueError("write {leaf: NAME, ports: {PORT: ARGUMENT}}")
     for key in node.keys():  # noqa: SIM118 - no dict
@@ -113,17 +119,71 @@ def _read_rule(node: Node, leaves: Mapping[str, type[Leaf]]) -> LeafRule:
     if leaf and leaf not in leaves:
         hint = suggest_from(leaf, leaves)
         raise ValueError(f"unknown behaviour '{leaf}'" + (f"; {hint}" if hint else ""))
-    ports = node.get("ports")
-    if ports is not None and not isinstance(ports, Entries):
-        raise ValueError("'ports' needs ports and arguments, {message: text}")
-    rules = {name.text: read_port_rule(_word(each)) for name, each in ports.entries} if ports is not None else {}
-    for rule in rules.values():
-        if leaf and rule.argument != TIMEOUT and rule.argument not in leaves[leaf].arguments:
-            known = ", ".join(leaves[leaf].arguments)
-            raise ValueError(f"'{leaf}' has no argument '{rule.argument}'; it has {known or 'none'}")
     outputs = node.get("outputs")
-    names = tuple(_word(each) for each in outputs.items) if isinstance(outputs, Listing) else ()
-    return LeafRule(leaf, rules, names)
+    if outputs is not None and not isinstance(outputs, Listing):
+        raise ValueError("'outputs' needs a list of ports, [pose]")
+    names = tuple(map(_word, outputs.items)) if outputs is not None else ()
+    ports, constants = (_entries(node, key, leaf) for key in ("ports", "with"))
+    if not leaf:
+        return LeafRule(outputs=names, place=place)
+    if names and not leaves[leaf].output_doc:
+        raise ValueError(f"'{leaf}' has no output, so that 'outputs' has no effect")
+    rules = {name: read_port_rule(_word(each)) for name, each in ports.items()}
+    for name, rule in rules.items():
+        _check_port(leaves[leaf], rule)
+        if rule.argument in constants:
+            raise ValueError(f"'{rule.argument}' has a constant in 'with' and the port '{name}'")
+    texts = {name: _constant(leaves[leaf], name, each) for name, each in constants.items()}
+    return LeafRule(leaf, rules, names, texts, place)
+
+
+def _check_port(leaf: type[Leaf], rule: PortRule) -> None:
+    """Raise ValueError if the leaf has no such argument, or one of another dimension."""
+    argument = _argument(leaf, rule.argument, timeout=bool(rule.unit))
+    if rule.unit and argument.kind != "value" and rule.unit not in UNITS.get(argument.kind, ()):
+        raise ValueError(f"the unit '{rule.unit}' does not suit '{rule.argument}', a {argument.kind}")
+
+
+def _constant(leaf: type[Leaf], name: str, node: Node) -> str:
+    """Return a constant argument as YAML. Raises ValueError for values that the leaf does not accept."""
+    argument, text = _argument(leaf, name), flow_text(node)
+    if "${" in text:
+        raise ValueError(f"'with' takes constants; name the port of '{name}' in 'ports'")
+    if isinstance(node, Scalar):
+        check_argument(argument, node.value)
+    return text
+
+
+def _entries(rule: Entries, key: str, leaf: str) -> Mapping[str, Node]:
+    """Return the mapping at a key of a rule; empty without the key. Raises ValueError for others."""
+    node = rule.get(key)
+    if node is not None and not isinstance(node, Entries):
+        raise ValueError(f"'{key}' needs " + {"ports": "ports and arguments, {message: text}"}.get(key, WITH_EXAMPLE))
+    if node is not None and not leaf:
+        raise ValueError(f"'{key}' needs a 'leaf' beside it")
+    return entries_of(node)
+
+
+WITH_EXAMPLE = "arguments and values, {gesture: hello}"
+TIMEOUT_ARGUMENT = Argument(TIMEOUT, "duration", "")
+
+
+def _argument(leaf: type[Leaf], name: str, *, timeout: bool = False) -> Argument:
+    """Return an argument of a leaf, or the modifier ``timeout``, if that is possible. Raises ValueError."""
+    if timeout and name == TIMEOUT and name not in leaf.arguments:
+        return TIMEOUT_ARGUMENT
+    if name not in leaf.arguments:
+        known = ", ".join(leaf.arguments)
+        raise ValueError(f"'{leaf.tag}' has no argument '{name}'; it has {known or 'none'}")
+    return leaf.arguments[name]
+
+
+def check_argument(argument: Argument, value: object) -> None:
+    """Raise ValueError, with the name of the argument, if a constant does not suit it."""
+    try:
+        check_constant(argument, value)
+    except ValueError as error:
+        raise ValueError(f"'{argument.name}' {error}") from error
 
 
 def _word(node: Node | None) -> str:

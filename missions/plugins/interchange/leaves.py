@@ -3,7 +3,7 @@
 from missions.plugins.interchange.blackboard import constant_value, entry_of, kind_of_constant
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
 from missions.plugins.interchange.foreign_trees import PortModel, ports_of
-from missions.plugins.interchange.leaf_rules import TIMEOUT, LeafRule, PortRule
+from missions.plugins.interchange.leaf_rules import TIMEOUT, TIMEOUT_ARGUMENT, LeafRule, PortRule, check_argument
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
 from missions.plugins.interchange.node_kinds import KINDS, NAV2_ERRORS
 from missions.plugins.interchange.port_directions import model_of
@@ -87,41 +87,55 @@ def leaf(tree: TreeContext, element: Element, kind: str, role: str) -> MissionSt
     ``kind`` is its name, such as "Grasp"; ``role`` is "Action" or "Condition", or empty if unknown.
     """
     rule = tree.rules.get(kind)
-    if rule is not None and rule.leaf and _has_required_arguments(tree, element, rule):
-        return tree.add_name(_ruled_leaf(tree, element, kind, rule), element)
-    return stub_step(tree, element, kind, role)
-
-
-def _has_required_arguments(tree: TreeContext, element: Element, rule: LeafRule) -> bool:
-    """Return whether a node has a port for each required argument of the leaf that ``rule`` names."""
-    given = {rule.ports[port].argument for port in element.attributes if port in rule.ports}
-    required = (argument.name for argument in tree.leaves[rule.leaf].arguments.values() if argument.required)
-    return given.issuperset(required)
-
-
-def _ruled_leaf(tree: TreeContext, element: Element, kind: str, rule: LeafRule) -> MissionStep:
-    """Return a leaf of another program as the leaf of missions that ``rule`` names.
-
-    Ports that the rule does not name are reported as lost.
-    """
-    arguments = dict[str, object]()
+    if rule is None or not rule.leaf:
+        return stub_step(tree, element, kind, role)
+    arguments, misfits = dict[str, object](), dict[str, str]()
     step = MissionStep(rule.leaf)
+    declared = tree.leaves[rule.leaf].arguments
+    for port, value in ports_of(element).items():
+        if (port_rule := rule.ports.get(port)) is not None:
+            written = _ruled_value(tree, step, value, port, port_rule)
+            try:
+                if not is_pointer(value):
+                    wanted = declared.get(port_rule.argument, TIMEOUT_ARGUMENT)
+                    check_argument(wanted, written.text if isinstance(written, Verbatim) else written)
+                arguments[port_rule.argument] = written
+            except ValueError as error:
+                misfits[port] = f"the port '{port}': {error}"
+    arguments |= {name: Verbatim(text) for name, text in rule.constants.items()}
+    missing = [each.name for each in declared.values() if each.required and each.name not in arguments]
+    if missing:
+        needs = f"'{rule.leaf}' needs {' and '.join(map(repr, missing))}, which no port gives"
+        return stub_step(tree, element, kind, role, "; ".join((*misfits.values(), needs)))
+    if TIMEOUT in arguments and TIMEOUT not in declared:
+        step.keys["timeout"] = arguments.pop(TIMEOUT)
+    is_principal = [declared[name].principal for name in arguments] == [True]
+    alone = next(iter(arguments.values()), None)
+    step.value = alone if is_principal and not str(alone).startswith("{") else arguments or None
+    for text in misfits.values():
+        tree.report.add(LOST, element, text, kind)
+    _store_output(tree, step, element, kind, rule)
+    tree.stubs.note_ports(kind, element)
+    return tree.add_name(step, element)
+
+
+def _store_output(tree: TreeContext, step: MissionStep, element: Element, kind: str, rule: LeafRule) -> None:
+    """Store the output of a leaf that ``rule`` names by ``as``, and report the ports that the rule does not name."""
+    model = model_of(tree.project, kind, tree.rules)
+    guessed = tree.project.guessed_outputs.get(kind, ())
     for port, value in ports_of(element).items():
         if port in rule.ports:
-            written = _ruled_value(tree, step, value, port, rule.ports[port])
-            if rule.ports[port].argument == TIMEOUT and rule.ports[port].unit:
-                step.keys["timeout"] = written
-            else:
-                arguments[rule.ports[port].argument] = written
-        elif port in rule.outputs[:1] and is_pointer(value):
-            step.keys["as"] = tree.pointer(value, port)
-            step.sets += (str(step.keys["as"]),)
+            continue
+        is_output = port in rule.outputs or model.port(port).direction == "out"
+        if is_output and "as" not in step.keys and is_pointer(value) and tree.leaves[rule.leaf].output_doc:
+            step.keys["as"] = name = tree.pointer(value, port)
+            step.sets += (name,)
+            if port in guessed:
+                text = f"its output seems to be '{port}'; if so, add outputs: [{port}] to your table"
+                tree.report.add(DIFFERS, element, text, kind)
         else:
-            tree.report.add(LOST, element, f"the port '{port}' of '{rule.leaf}'", kind)
-    declared = tree.leaves[rule.leaf].arguments
-    is_principal = [declared[name].principal for name in arguments] == [True]
-    step.value = next(iter(arguments.values())) if is_principal else arguments or None
-    return step
+            seems = ", which seems to be an output" if port in guessed else ""
+            tree.report.add(LOST, element, f"the port '{port}'{seems}: it is not in the table of leaves", kind)
 
 
 def _ruled_value(tree: TreeContext, step: MissionStep, value: str, port: str, rule: PortRule) -> object:
@@ -140,11 +154,13 @@ def _ruled_value(tree: TreeContext, step: MissionStep, value: str, port: str, ru
     return quantity(signed, rule.unit) if rule.unit else signed
 
 
-def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> MissionStep:
+def stub_step(tree: TreeContext, element: Element, kind: str, role: str, reason: str = "") -> MissionStep:
     """Return the step of a stub leaf: its input ports are arguments, and its outputs are stored in variables.
 
     ``kind`` is the name of the leaf in the XML file, ``role`` its role, such as "Condition", or empty if unknown.
+    ``reason`` is that for which the table of leaves has no effect on the node.
     """
+    tree.stubs.note_ports(kind, element)
     model = model_of(tree.project, kind, tree.rules)
     stub = tree.stubs.stub(kind, role or model.role or "Action")
     stub.uses += 1
@@ -164,7 +180,8 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str) -> Miss
     tree.add_name(step, element)
     guessed = [f"'{port}'" for port in outputs if port in tree.project.guessed_outputs.get(kind, ())]
     ports = f", whose output seems to be {' and '.join(guessed)}" if guessed else ""
-    tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'{ports}", kind)
+    because = f": {reason}" if reason else ""
+    tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'{ports}{because}", kind)
     for port in sorted(set(outputs).intersection(NAV2_ERRORS)):
         tree.report.add(DIFFERS, element, f"'{port}' is stored after a success only; a failure has a reason", kind)
     return with_outputs(step, outputs, several=len(stub.outputs) > 1, fresh=tree.names.fresh)

@@ -80,14 +80,16 @@ def guess_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dic
                 inputs.add((kind, port))
     found = defaultdict[str, set[str]](set)
     for kind, port in outputs - inputs:
-        if kind and _is_undeclared(project, kind, rules) and not port.startswith(INPUT_NAMES):
+        is_known = kind in rules and port in rules[kind].ports
+        if kind and not is_known and _is_undeclared(project, kind, rules) and not port.startswith(INPUT_NAMES):
             found[kind].add(port)
     return dict(found)
 
 
 def _is_undeclared(project: ForeignProject, kind: str, rules: Mapping[str, LeafRule]) -> bool:
     has_model = kind in project.models and bool(project.models[kind].ports)
-    return not has_model and kind not in rules and kind not in NAV2_OUTPUTS and kind not in KINDS
+    has_outputs = kind in rules and bool(rules[kind].outputs)
+    return not has_model and not has_outputs and kind not in NAV2_OUTPUTS and kind not in KINDS
 
 
 def _mentions(project: ForeignProject, tree: SourceTree) -> Iterator[Mention]:

@@ -6,14 +6,18 @@ from dataclasses import dataclass, field
 
 from missions.plugins.interchange.xml_reader import Element
 
-STUB, LOST, DIFFERS, RENAMED = "stub", "not carried over", "differs", "renamed"
-"""Kinds of remarks: a stub leaf; a node or an attribute without a counterpart; a similar meaning; another name."""
+STUB, LOST, DIFFERS, RENAMED, UNUSED = "stub", "not carried over", "differs", "renamed", "unused"
+"""Kinds of remarks: a stub leaf; a node or an attribute without a counterpart; a similar meaning; another name.
+
+``UNUSED`` is an entry of the user's table of leaves without effect.
+"""
 
 EXPLANATIONS = {
     LOST: "Not carried over",
     STUB: "Stub leaves, which refuse to run until you write them",
     DIFFERS: "Carried over with a difference",
     RENAMED: "Renamed",
+    UNUSED: "Without effect in your table of leaves",
 }
 
 

@@ -12,9 +12,10 @@ from dataclasses import dataclass, field
 from behaviours.leaf import Leaf
 from config.yaml_nodes import plain_value
 from missions.library.vocabulary import RESERVED_WORDS
-from missions.plugins.interchange.foreign_trees import PortModel
+from missions.plugins.interchange.foreign_trees import PortModel, ports_of
 from missions.plugins.interchange.mission_text import MAX_WORD_BYTES, identifier, snake_word
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
+from missions.plugins.interchange.xml_reader import Element
 
 NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
                 "int8_t", "int16_t", "int32_t", "int64_t", "unsigned int", "long")  # fmt: skip
@@ -89,13 +90,18 @@ class StubTable:
     """Stub leaves of an import, by the ID of the leaf in the XML files.
 
     ``leaf_tags`` are the tags that other leaves have. ``outputs`` has, for each leaf, its output ports that are
-    connected to a blackboard entry in any tree.
+    connected to a blackboard entry in any tree. ``ports`` has the ports of each leaf in the trees.
     """
 
     def __init__(self, leaf_tags: Collection[str], outputs: Mapping[str, Mapping[str, PortModel]]) -> None:
         self._outputs = outputs
         self._taken = {*leaf_tags, *RESERVED_WORDS}
         self.stubs: dict[str, StubLeaf] = {}
+        self.ports: dict[str, set[str]] = {}
+
+    def note_ports(self, leaf_id: str, element: Element) -> None:
+        """Note the ports that a node of the leaf has, in ``ports``, also if the leaf needs no stub."""
+        self.ports.setdefault(leaf_id, set()).update(ports_of(element))
 
     def stub(self, leaf_id: str, role: str, word: str = "") -> StubLeaf:
         """Return the stub of the leaf with this ID and role, such as "Condition"; the first call creates it.

@@ -43,7 +43,7 @@ def _by_kind(tree: TreeContext, element: Element, kind: str, role: str, skip_as:
         return _known_parent(tree, element, kind, known, skip_as, parent)
     if kind == "SubTree":
         return _subtree(tree, element)
-    if kind in _LEAVES:
+    if kind in _LEAVES and kind not in tree.rules:
         return tree.add_name(_LEAVES[kind](tree, element), element)
     if known is not None:
         return tree.add_name(MissionStep(known.word), element)
@@ -168,6 +168,8 @@ def _subtree(tree: TreeContext, element: Element) -> MissionStep:
 
 
 def _missing_subtree(tree: TreeContext, element: Element, name: str) -> MissionStep:
+    if name in tree.rules:
+        return leaves.leaf(tree, element, name, "SubTree")
     tree.report.add(LOST, element, f"the tree '{name}' is in no file of this import: import its folder", "SubTree")
     tree.report.stubbed["SubTree (in another file)"] += 1
     return leaves.stub_step(tree, element, name, "SubTree")

@@ -197,9 +197,84 @@ def test_a_table_of_leaves_maps_leaves_and_units(mission: Mission, tmp_path: Pat
     assert mission("check", "made").code == 0
 
 
+def import_with(mission: Mission, folder: Path, node: str, table: str) -> Outcome:
+    """Import one tree with a table of leaves, of which ``table`` has the entries."""
+    (folder / "tree.xml").write_text(tree_text(node))
+    (folder / "table.yaml").write_text(f"leaves: {{{table}}}")
+    return mission("import", "tree.xml", "-o", "made", "--leaves", "table.yaml", "--force")
+
+
+@pytest.mark.parametrize(
+    ("node", "table", "line"),
+    [
+        ("<Go/>", "Go: {leaf: drive}", "tree.xml:1: Go: the stub leaf 'go': 'drive' needs 'distance', which no port"),
+        ("<Go/>", "Goo: {leaf: drive}", "table.yaml:1: no tree has a leaf 'Goo'; did you mean 'Go'?"),
+        ('<Go a="x"/>', "Go: {leaf: say, ports: {a: text, aa: voice}}", "table.yaml:1: no node 'Go' has a port 'aa'"),
+        ("<Go/>", "Go: {outputs: [pose]}", "table.yaml:1: no node 'Go' has a port 'pose'"),
+        (
+            '<Go pose="0;0;0"/>',
+            "Go: {leaf: drive, ports: {pose: distance in m}}",
+            "the stub leaf 'go': the port 'pose': 'distance' needs a length",
+        ),
+        (
+            '<Go pose="true"/>',
+            "Go: {leaf: drive, ports: {pose: distance in m}}",
+            "; 'drive' needs 'distance', which no port gives",
+        ),
+        (
+            '<Go far="1" v="x"/>',
+            "Go: {leaf: drive, ports: {far: distance in m, v: speed in m/s}}",
+            "Go: the port 'v': 'speed' needs a speed",
+        ),
+        (
+            '<Sequence><CountPoses n="{n}"/><Say t="{n}"/></Sequence>',
+            "CountPoses: {leaf: nod}",
+            "CountPoses: the port 'n', which seems to be an output: it is not in the table",
+        ),
+        (
+            '<Sequence><Find who="{n}"/><Say t="{n}"/></Sequence>',
+            "Find: {leaf: find_face}",
+            "Find: its output seems to be 'who'; if so, add outputs: [who] to your table",
+        ),
+    ],
+)
+def test_entry_of_a_table_without_effect_is_reported(
+    node: str, table: str, line: str, mission: Mission, tmp_path: Path
+) -> None:
+    done = import_with(mission, tmp_path, node, table)
+    assert done.code == 0
+    assert line in done.out
+    assert mission("check", "made").code == 0
+
+
+def test_table_gives_constants_and_replaces_known_leaves_and_missing_trees(mission: Mission, tmp_path: Path) -> None:
+    node = '<Sequence><Grasp/><Listen/><Sleep msec="5"/><SubTree ID="Bow"/></Sequence>'
+    table = """Grasp: {leaf: gesture, with: {gesture: hello}}, Sleep: {leaf: say, ports: {msec: text}},
+      Listen: {leaf: listen, with: {for: ["yes", "no"], timeout: 5 s}}, Bow: {leaf: nod}"""
+    assert import_with(mission, tmp_path, node, table).out.startswith("wrote 1 mission to made")
+    lines = (tmp_path / "made" / "patrol.yaml").read_text().splitlines()[-4:]
+    assert lines == [
+        "    - gesture: hello",
+        "    - listen: {for: [yes, no], timeout: 5 s}",
+        "    - say: 5",
+        "    - nod",
+    ]
+    assert mission("check", "made").code == 0
+
+
 @pytest.mark.parametrize(
     ("table", "message"),
     [
+        ("leaves: {A: {leaf: drive, with: {distance: red}}}", "'distance' needs a length"),
+        ("leaves: {A: {leaf: drive, with: {far: 1 m}}}", "'drive' has no argument 'far'"),
+        ('leaves: {A: {leaf: say, with: {text: "${x}"}}}', "'with' takes constants"),
+        ("leaves: {A: {leaf: say, with: hello}}", "'with' needs arguments and values"),
+        ("leaves: {A: {leaf: say, with: {text: hello}, ports: {x: text}}}", "has a constant in 'with' and the port"),
+        ("leaves: {A: {with: {text: hello}}}", "'with' needs a 'leaf' beside it"),
+        ("leaves: {A: {outputs: pose}}", "'outputs' needs a list"),
+        ("leaves: {A: {leaf: nod, outputs: [pose]}}", "'nod' has no output"),
+        ("leaves: {A: {leaf: drive, ports: {x: distance in s}}}", "the unit 's' does not suit 'distance', a length"),
+        ("leaves: {A: {leaf: nod, ports: {x: timeout}}}", "'nod' has no argument 'timeout'"),
         ("leaf: {}", "needs the key 'leaves'"),
         ("leaves: {A: {leaf: sya}}", "unknown behaviour 'sya'"),
         ("leaves: {A: {leaf: say, ports: {x: words}}}", "'say' has no argument 'words'"),
