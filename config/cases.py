@@ -49,7 +49,11 @@ Given = Annotated[str | Mock, inside(wrong="neither a mock nor something that go
 class PoseKeys:
     """Keys of the base's pose that a test case expects."""
 
-    near: tuple[float, float] = key("length", wrong="'{}' needs a place, such as [1 m, 0 m]", help="Position: [x, y].")
+    near: tuple[float, float] = key(
+        "length",
+        wrong="'{}' needs a place, such as [1 m, 0 m]",
+        help="Position in the world: [x, y]; `base.x` is from the start.",
+    )
     within: float = key("length", default=DISTANCE_TOLERANCE, low=0.0, help="Maximum distance from it.")
     heading: str = key(default="", help="Heading: `90 deg`, or `90 deg +- 5 deg`; the default tolerance is 10 deg.")
 

@@ -91,8 +91,8 @@ class CheckContext:
     ``variables`` are set by some step of the mission, or are params known only in a run; ``missing_params`` are those
     that the caller has not set yet. ``variable_leaves`` are variables of known type, each with a leaf that stores it;
     ``param_kinds`` are the kinds of params without a value. ``param_nodes`` are the defaults of params in the file,
-    each with its value. ``late_params`` are params known only in a run, each with the place of its value in a file that
-    runs this mission. ``read_names`` are all names that expressions read.
+    each with its value. ``param_places`` are the places of the values that a file that runs this mission gives to
+    params. ``read_names`` are all names that expressions read.
     ``has_unreadable_line`` is true if a line of the file could not be read. ``has_unreadable_mission`` is true if a
     sub-mission could not be read; it may return any variable.
     ``file_chain`` are the files from the main mission down to this one. ``steps`` are the places of all steps read so
@@ -110,7 +110,7 @@ class CheckContext:
     variable_leaves: dict[str, type[Leaf]] = field(default_factory=dict)
     param_kinds: dict[str, Kind] = field(default_factory=dict)
     param_nodes: dict[str, tuple[Scalar, object]] = field(default_factory=dict)
-    late_params: dict[str, tuple[SourceText, Mark]] = field(default_factory=dict)
+    param_places: dict[str, tuple[SourceText, Mark]] = field(default_factory=dict)
     read_names: set[str] = field(default_factory=set)
     faults: list[Diagnostic] = field(default_factory=list)
     has_unreadable_line: bool = False
@@ -229,7 +229,7 @@ class CheckContext:
         try:
             found = formula.evaluate(self.params)
         except ExpressionError as error:
-            self.fault(node.mark, f"{label}: {error}")
+            self.fault(node.mark, f"{label}: {error}", self._null_hint(formula))
             return INVALID_VALUE
         try:
             return Value(convert(found))
@@ -239,15 +239,28 @@ class CheckContext:
             return INVALID_VALUE
 
     def _param_hint(self, formula: Template | Expression, wanted_kind: Kind, message: str) -> str:
-        """Return the hint for ``${param}`` with an unsuitable default; empty for other expressions and values.
+        """Return the hint for ``${param}`` with an unsuitable default, or that a param is null; empty otherwise.
 
         The default also decides the type, so a caller's value without a unit is an error of the default.
         """
+        if hint := self._null_hint(formula):
+            return hint
         name = sole_name(formula)
         node, default = self.param_nodes.get(name, (None, None))
         if node is None or (wanted_kind not in UNITS and self.params.get(name) is not default):
             return ""
         return param_hint(name, node, wanted_kind, message)
+
+    def _null_hint(self, formula: Template | Expression) -> str:
+        """Return the hint with the place at which a param that ``formula`` reads is null; empty if none is."""
+        for name in sorted({read.name for read in formula.reads}):
+            if name in self.params and self.params[name] is None:
+                node, _ = self.param_nodes.get(name, (None, None))
+                own_place = None if node is None else (self.source, node.mark)
+                if place := self.param_places.get(name, own_place):
+                    source, mark = place
+                    return f"'{name}' is null ({source.name}:{mark.line}); write a value there"
+        return ""
 
     def awaits_params(self, formula: Template | Expression) -> bool:
         """Return True if an expression reads only params, some of which the caller has not set yet."""
@@ -265,9 +278,9 @@ class CheckContext:
         None if anything else in the formula is known only in a run.
         """
         names = [read.name for read in formula.reads if read.name not in self._early_names]
-        if draws_number(formula) or not names or not self.late_params.keys() >= set(names):
+        if draws_number(formula) or not names or not self.param_places.keys() >= set(names):
             return None
-        return names[0], self.late_params[names[0]]
+        return names[0], self.param_places[names[0]]
 
     def check_known_early(
         self, node: Node, label: str, message: str, values: Iterable[Value], suggestion: str = ""

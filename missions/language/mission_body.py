@@ -202,7 +202,7 @@ def read_body(
     available = context.params.keys() | context.variables
     context.variable_leaves |= {name: leaf for name, leaf in single_kind_leaves(found).items() if name not in available}
     context.variables |= found.keys()
-    context.late_params = {name: place for name, place in context.late_params.items() if name not in found}
+    context.param_places = {name: place for name, place in context.param_places.items() if name not in found}
     tree = read_step(context, node)
     properties = read_properties(context, root.get("properties"), tree)
     returns = read_returns(context, root.get("returns"))

@@ -188,13 +188,13 @@ def _read_submission_params(
     refused: set[str] = set()
     if node is not None and not isinstance(node, Mapping):
         context.fault(node.mark, "'with' needs names and values", "write with: {side: 0.5 m}")
-    given = node.entries if isinstance(node, Mapping) else []
-    for name, value_node in given:
+    for name, value_node in node.entries if isinstance(node, Mapping) else ():
         param = params.get(name.text)
         if param is None:
             _report_unknown_param(context, inner_context, params, mission, name)
         else:
             before = len(context.faults)
+            inner_context.param_places[name.text] = context.source, value_node.mark
             values[name.text] = param.type.read_value(context, value_node, f"'{name.text}'")
             if len(context.faults) > before:
                 refused.add(name.text)
@@ -214,9 +214,8 @@ def _read_submission_params(
             inner_context.params[param.name] = values[param.name].constant
             continue
         inner_context.variables.add(param.name)  # its value is known only when the sub-mission starts
-        own_place = context.source, next(node.mark for name, node in given if name.text == param.name)
-        around = context.late_place(formula)
-        inner_context.late_params[param.name] = own_place if around is None else around[1]
+        places = inner_context.param_places
+        _, places[param.name] = context.late_place(formula) or ("", places[param.name])
         if context.awaits_params(formula):
             inner_context.missing_params.add(param.name)
     return values

@@ -369,3 +369,18 @@ def test_late_value_that_the_mission_sets_itself_is_reported_in_its_file(folder:
     tree = "  sequence:\n    - set: {a: '${random(1 deg, 2 deg)}'}\n    - mission: inner\n      with: {value: '${a}'}\n"
     (found,) = messages(folder, tree)
     assert found.startswith("inner.yaml:6: 'move_joints': 'to': the values must be known")
+
+
+def test_error_of_a_null_param_names_the_place_of_the_null(folder: Path) -> None:
+    (folder / "inner.yaml").write_text(
+        "mission: inner\nparams: {count: null}\ntree: {say: Hi, repeat: '${count}', if: count > 1}\n"
+    )
+    for tree, place in (
+        ("  mission: inner\n  with: {count: null}\n", folder / "main.yaml"),
+        ("  mission: inner\n", folder / "inner.yaml"),
+    ):
+        with pytest.raises(InvalidFileError) as caught:
+            load(folder, tree)
+        line = 4 if place.name == "main.yaml" else 2
+        hints = {fault.suggestion for fault in caught.value.diagnostics}
+        assert hints == {f"'count' is null ({place}:{line}); write a value there"}
