@@ -87,6 +87,9 @@ class Leaf(HaltableNode):
     A leaf that ``acts`` has an effect although it drives nothing, such as ``led``: see missions.language.takeover.
     ``takes_over`` are the keys of the reactive composites whose running child is halted before the leaf starts.
 
+    ``node_model`` is the XML declaration of the node of BehaviorTree.CPP that the leaf was imported from, for an
+    export. ``as`` stores its first output port.
+
     ``ends`` are the possible results, so the checker finds unreachable steps. An ``instant`` leaf never runs for longer
     than a tick, except while it is suspended.
 
@@ -113,6 +116,7 @@ class Leaf(HaltableNode):
     instant: ClassVar[bool] = False
     acts: ClassVar[bool] = False
     stub: ClassVar[str] = ""
+    node_model: ClassVar[str] = ""
     open_ended: ClassVar[bool] = False
     arguments: ClassVar[Mapping[str, Argument]] = {}
     named_parts: ClassVar[Mapping[str, str]] = {}  # by their kinds, the one that it sees as its robot's only one

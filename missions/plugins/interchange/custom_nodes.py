@@ -1,8 +1,10 @@
 """Export of steps without an equal node in BehaviorTree.CPP, as custom nodes with a declaration in the file."""
 
+import re
 from collections.abc import Mapping
 
 from behaviours.leaf import Leaf
+from config.diagnostics import InvalidFileError
 from config.yaml_nodes import Mapping as Entries
 from config.yaml_nodes import Scalar
 from missions.language.nodes import (
@@ -18,15 +20,21 @@ from missions.language.nodes import (
     WAIT_FOR,
 )
 from missions.language.plan import Step
+from missions.plugins.interchange.foreign_trees import DIRECTIONS
 from missions.plugins.interchange.mission_source import script_kind
 from missions.plugins.interchange.node_kinds import KINDS, OLD_NAMES, RESULT, STEP_DESCRIPTION
-from missions.plugins.interchange.report import LOST
+from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.script_writer import NotAScriptError
+from missions.plugins.interchange.stub_leaves import stores_several
 from missions.plugins.interchange.tree_writer import TreeWriter
-from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.xml_reader import Element, parse_xml
 from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text, is_text_argument, port_text
 
 _ARGUMENT_TYPES = {"number": "double", "count": "int", "flag": "bool", "value": "BT::AnyTypeAllowed"}
+
+
+NODE_NAME = re.compile("[A-Za-z][A-Za-z0-9_]*")
+"""Name of a node or a port that every version of BehaviorTree.CPP accepts."""
 
 
 def custom_element(writer: TreeWriter, step: Step) -> Element:
@@ -76,7 +84,7 @@ def _custom_parent(
     is_named: bool = False,
 ) -> Element:
     word = step.kind
-    id_ = _custom_id(f"{RETRY}_{RECOVER}" if word == RETRY and role == "Control" else word)
+    id_ = _custom_id(writer, f"{RETRY}_{RECOVER}" if word == RETRY and role == "Control" else word, word)
     model = _model(writer, role, id_, word, BRANCHES[word].help if word in BRANCHES else MODIFIERS[word].help, step)
     for port in ports:
         _declare(model, "input_port", port, "std::string", OWNED_KEYS[port][2] if port in OWNED_KEYS else "")
@@ -96,22 +104,36 @@ def _custom_loop(writer: TreeWriter, step: Step) -> Element:
 
 
 def _custom_leaf(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> Element:
+    original = _original_model(leaf)
     role = "Condition" if leaf.instant and not (leaf.drives or leaf.acts or leaf.open_ended) else "Action"
-    id_ = _custom_id(leaf.tag)
+    role, wish = (role, "") if original is None else (original.tag, original.attributes.get("ID", ""))
+    if role not in ("Action", "Condition"):
+        writer.note(DIFFERS, step, f"the {role} '{wish}' there is an action here")
+        role, wish = "Action", ""
+    id_ = _custom_id(writer, leaf.tag, leaf.tag, wish)
+    if id_ != wish != "":
+        writer.note(DIFFERS, step, f"'{wish}' cannot be its name in this file, so it is '{id_}'")
     model = _model(writer, role, id_, leaf.tag, _first_line(leaf), step)
+    for port in () if original is None else original.children:
+        name, known = port.attributes.get("name", ""), leaf.arguments.get(port.attributes.get("name", ""))
+        if port.tag in DIRECTIONS and NODE_NAME.fullmatch(name):
+            kind = "BT::AnyTypeAllowed" if known is None else _ARGUMENT_TYPES.get(known.kind, "std::string")
+            kind = port.attributes.get("type") or kind
+            _declare(model, port.tag, name, kind, port.text, port.attributes.get("default"))
     for argument in leaf.arguments.values():
         kind = _ARGUMENT_TYPES.get(argument.kind, "std::string")
         _declare(model, "input_port", _port_name(argument.name), kind, argument.help)
     if leaf.open_ended:
         _declare(model, "input_port", "values", "std::string", "values of variables, as YAML")
-    if leaf.output_doc:
+    result = _result_port(leaf, model)
+    if leaf.output_doc and not (stores_several(leaf) and step.output_variable is None):
         kind = "std::string" if leaf.output_type is str else "BT::AnyTypeAllowed"
-        _declare(model, "output_port", _result_port(leaf), kind, leaf.output_doc)
+        _declare(model, "output_port", result, kind, leaf.output_doc)
     writer.found.leaves[id_] = None
     script = dict[str, str]()
     ports = _leaf_ports(writer, step, leaf, script)
     if step.output_variable is not None:
-        ports[_result_port(leaf)] = f"{{{step.output_variable}}}"
+        ports[result] = f"{{{step.output_variable}}}"
     return writer.prepared(step, writer.new(id_, step, ports, is_named=True), script)
 
 
@@ -140,9 +162,26 @@ def _leaf_ports(writer: TreeWriter, step: Step, leaf: type[Leaf], script: dict[s
     return ports
 
 
-def _custom_id(word: str) -> str:
-    id_ = camel_case(word)
-    return f"Mission{id_}" if id_ in KINDS or id_ in OLD_NAMES else id_
+def _original_model(leaf: type[Leaf]) -> Element | None:
+    """Return the declaration of the node that a leaf was imported from; None without one, or if it is not XML."""
+    try:
+        return parse_xml(leaf.node_model.encode(errors="replace"), leaf.tag) if leaf.node_model else None
+    except InvalidFileError:
+        return None
+
+
+def _custom_id(writer: TreeWriter, name: str, word: str, wish: str = "") -> str:
+    """Return the ID of the custom node for the step ``word``: ``wish`` or ``name``, unless another node has it."""
+    camel = camel_case(name)
+    wishes = (wish, camel, f"Mission{camel}", *(f"Mission{camel}{number}" for number in range(2, 10_000)))
+    taken = {*KINDS, *OLD_NAMES, *writer.found.trees}
+    taken |= {id_ for id_, model in writer.models.items() if not model.children[-1].text.startswith(_beginning(word))}
+    return next(each for each in wishes if NODE_NAME.fullmatch(each) and each not in taken)
+
+
+def _beginning(word: str) -> str:
+    """Return the beginning of the description of the custom node for the step ``word``."""
+    return f"{STEP_DESCRIPTION}'{word}': "
 
 
 def _model(writer: TreeWriter, role: str, id_: str, word: str, help_text: str, step: Step) -> Element:
@@ -151,15 +190,16 @@ def _model(writer: TreeWriter, role: str, id_: str, word: str, help_text: str, s
     Its description has the step's word, by which an import finds the step again.
     """
     if id_ not in writer.models:
-        text = f"{STEP_DESCRIPTION}'{word}': {' '.join(help_text.split())}"
+        text = _beginning(word) + " ".join(help_text.split())
         description = Element("description", {}, step.source, 1, text=text)
         writer.models[id_] = Element(role, {"ID": id_}, step.source, 1, children=[description])
     return writer.models[id_]
 
 
-def _declare(model: Element, direction: str, name: str, kind: str, help_text: str) -> None:
+def _declare(model: Element, direction: str, name: str, kind: str, help_text: str, default: str | None = None) -> None:
     if all(port.attributes.get("name") != name for port in model.children):
-        port = Element(direction, {"name": name, "type": kind}, model.source, 1, text=" ".join(help_text.split()))
+        attributes = {"name": name, "type": kind, **({} if default is None else {"default": default})}
+        port = Element(direction, attributes, model.source, 1, text=" ".join(help_text.split()))
         model.children.insert(len(model.children) - 1, port)
 
 
@@ -173,7 +213,11 @@ def _port_name(argument: str) -> str:
     return f"{argument}_" if argument in ("name", "ID") else argument
 
 
-def _result_port(leaf: type[Leaf]) -> str:
+def _result_port(leaf: type[Leaf], model: Element) -> str:
+    """Return the output port for the result of a leaf: the first that ``model`` declares, or one of its own."""
+    outputs = [port.attributes["name"] for port in model.children if DIRECTIONS.get(port.tag, "in") != "in"]
+    if outputs and not stores_several(leaf):
+        return outputs[0]
     return f"{RESULT}_" if RESULT in leaf.arguments else RESULT
 
 

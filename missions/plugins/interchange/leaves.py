@@ -164,10 +164,11 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str, reason:
     model = model_of(tree.project, kind, tree.rules)
     stub = tree.stubs.stub(kind, role or model.role or "Action")
     stub.uses += 1
+    stub.ports |= model.ports
     step = MissionStep(stub.tag)
     arguments, outputs = dict[str, object](), dict[str, str]()
     for port, value in ports_of(element).items():
-        declared = model.port(port)
+        declared = stub.ports.setdefault(port, model.port(port))
         if declared.direction in ("out", "inout") and is_pointer(value):
             outputs[port] = tree.pointer(value, port)
         if declared.direction != "out":

@@ -19,7 +19,7 @@ from missions.language.nodes import (
     WAIT_FOR,
 )
 from missions.plugins.interchange import leaves
-from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in
+from missions.plugins.interchange.context import SkipAs, TreeContext, assigned_value, skip_in, with_outputs
 from missions.plugins.interchange.foreign_trees import SourceTree, normal_form, ports_of
 from missions.plugins.interchange.mission_text import MissionStep, PlainExpression, Verbatim, wrapped
 from missions.plugins.interchange.node_kinds import (
@@ -40,7 +40,7 @@ from missions.plugins.interchange.node_kinds import (
 from missions.plugins.interchange.port_directions import model_of
 from missions.plugins.interchange.report import LOST, STUB
 from missions.plugins.interchange.scripts import TEXT
-from missions.plugins.interchange.stub_leaves import kind_of_port
+from missions.plugins.interchange.stub_leaves import kind_of_port, stores_several
 from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import (
     YAML_PREFIX,
@@ -348,6 +348,7 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
     if leaf is None:
         stub = tree.stubs.stub(kind, role or model.role or "Action", word)
         stub.uses += 1
+        stub.ports |= model.ports
         step.word = stub.tag
         tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'", kind)
     if leaf is not None and leaf.open_ended:
@@ -355,13 +356,13 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
         step.value = {name: Verbatim(flow_text(node)) for name, node in entries.items()}
         step.sets = tuple(entries)
         return step
-    arguments = dict[str, object]()
+    arguments, outputs = dict[str, object](), dict[str, str]()
     for port, text in _ports(element):
         found = model.port(port)
-        if found.direction == "out" or (port.rstrip("_") == RESULT and port not in declared):
-            step.keys["as"] = text.strip("{} ")
-            step.sets = (str(step.keys["as"]),)
-            continue
+        if found.direction != "in" or (port.rstrip("_") == RESULT and port not in declared):
+            outputs[port] = text.strip("{} ")
+            if found.direction != "inout":
+                continue
         name = port.removesuffix("_") if port in ("name_", "ID_") else port
         is_text = is_text_argument(declared[name]) if name in declared else kind_of_port(found) == TEXT
         arguments[name] = Verbatim(_value(tree, element, port, is_text=is_text))
@@ -369,7 +370,8 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
             stub.note_argument(name, found, None if is_pointer(text) else kind_of_port(found))
     principal = next((name for name, each in declared.items() if each.principal), "")
     step.value = arguments[principal] if set(arguments) == {principal} else arguments or None
-    return step
+    several = stores_several(leaf) if leaf is not None else stub is not None and len(stub.outputs) > 1
+    return with_outputs(step, outputs, several=several and RESULT not in outputs, fresh=tree.names.fresh)
 
 
 # Missions.

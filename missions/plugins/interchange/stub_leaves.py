@@ -8,14 +8,17 @@ import keyword
 import textwrap
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import get_origin
 
 from behaviours.leaf import Leaf
+from config.diagnostics import SourceText
 from config.yaml_nodes import plain_value
 from missions.library.vocabulary import RESERVED_WORDS
-from missions.plugins.interchange.foreign_trees import PortModel, ports_of
+from missions.plugins.interchange.foreign_trees import DIRECTIONS, PortModel, ports_of
 from missions.plugins.interchange.mission_text import MAX_WORD_BYTES, identifier, snake_word
 from missions.plugins.interchange.scripts import FLAG, NUMBER, TEXT
 from missions.plugins.interchange.xml_reader import Element
+from missions.plugins.interchange.xml_writer import element_lines
 
 NUMBER_TYPES = ("int", "unsigned", "double", "float", "size_t", "uint8_t", "uint16_t", "uint32_t", "uint64_t",
                 "int8_t", "int16_t", "int32_t", "int64_t", "unsigned int", "long")  # fmt: skip
@@ -26,6 +29,11 @@ def kind_of_port(port: PortModel) -> str | None:
     """Return the kind of a port's values from its C++ type: number, flag or text; None for other types."""
     name = port.type.strip().removeprefix("const ")
     return NUMBER if name in NUMBER_TYPES else FLAG if name == "bool" else TEXT if name in TEXT_TYPES else None
+
+
+def stores_several(leaf: type[Leaf]) -> bool:
+    """Return whether ``as`` stores a mapping with the values of several output ports."""
+    return get_origin(leaf.output_type) is Mapping
 
 
 @dataclass(slots=True)
@@ -54,6 +62,7 @@ class StubLeaf:
     """A stub for one leaf of the imported trees: ``id`` is its name there, ``tag`` its name in missions.
 
     ``arguments`` and ``outputs`` are by port, in the order in which they were found; ``uses`` counts its nodes.
+    ``ports`` are all ports, also those that no node uses.
     """
 
     id: str
@@ -61,6 +70,7 @@ class StubLeaf:
     role: str
     arguments: dict[str, StubArgument] = field(default_factory=dict)
     outputs: dict[str, PortModel] = field(default_factory=dict)
+    ports: dict[str, PortModel] = field(default_factory=dict)
     uses: int = 0
 
     def note_argument(self, name: str, port: PortModel, kind: str | None) -> None:
@@ -158,6 +168,7 @@ def _class_text(stub: StubLeaf, name: str, file: str) -> str:
         helps = [port.help or output for output, port in stub.outputs.items()]
         lines.append(f"    output_doc = {_python_text('; '.join(map(_one_line, helps)))}")
         lines.append(f"    output_type = {_output_type(stub)}")
+    lines += _node_model_lines(stub)
     attributes = set[str]()
     lines += [_argument_line(each, argument, stub, attributes) for each, argument in stub.arguments.items()]
     lines += [
@@ -166,6 +177,22 @@ def _class_text(stub: StubLeaf, name: str, file: str) -> str:
         "        return self.fail(f\"'{self.tag}' is a stub: {self.stub}\")",
     ]
     return "\n".join(lines)
+
+
+def _node_model_lines(stub: StubLeaf) -> list[str]:
+    """Return the lines of the attribute ``node_model``; of the output ports, those that nodes use come first."""
+    source = SourceText("", "")
+    model = Element(stub.role or "Action", {"ID": stub.id}, source, 1)
+    is_unused = {name: port.direction != "in" and name not in stub.outputs for name, port in stub.ports.items()}
+    for name in sorted(stub.ports, key=is_unused.__getitem__):
+        port = stub.ports[name]
+        tag = next(tag for tag, direction in DIRECTIONS.items() if direction == port.direction)
+        found = {"name": name, "type": port.type, "default": port.default}
+        attributes = {key: value for key, value in found.items() if value or (key == "default" and value is not None)}
+        model.children.append(Element(tag, attributes, source, 1, text=" ".join(port.help.split())))
+    # Nothing in the XML may end the Python text around it.
+    text = "\n".join(element_lines(model, 2)).replace("\\", "&#92;").replace('"""', "&quot;" * 3)
+    return f'    node_model = """\n{text}"""'.split("\n")
 
 
 PYTHON_TYPES = {NUMBER: "float", FLAG: "bool", TEXT: "str"}

@@ -28,13 +28,14 @@ EXPLANATIONS = {
 class ExportedTree:
     """Result of an export: the ``text`` of the XML file, and remarks on all that needs attention in BehaviorTree.CPP.
 
-    ``leaves`` are the IDs of custom actions and conditions, for which the user needs C++ classes. ``native`` and
-    ``custom`` count the steps that became nodes of BehaviorTree.CPP and custom nodes.
+    ``leaves`` are the IDs of custom actions and conditions, for which the user needs C++ classes. ``trees`` are the
+    IDs of the trees. ``native`` and ``custom`` count the steps that became nodes of BehaviorTree.CPP and custom nodes.
     """
 
     text: str = ""
     remarks: dict[Remark, None] = field(default_factory=dict)
     leaves: dict[str, None] = field(default_factory=dict)
+    trees: dict[str, None] = field(default_factory=dict)
     native: int = 0
     custom: int = 0
 

@@ -11,17 +11,18 @@ MAX_LINE_LENGTH = 110
 
 def xml_text(root: Element) -> str:
     """Return the text of an XML file with this root element."""
-    return '<?xml version="1.0" encoding="UTF-8"?>\n' + "\n".join(_lines(root, 0)) + "\n"
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + "\n".join(element_lines(root, 0)) + "\n"
 
 
-def _lines(element: Element, depth: int) -> Iterator[str]:
+def element_lines(element: Element, depth: int) -> Iterator[str]:
+    """Yield the lines of an element that is ``depth`` levels below the root."""
     indent = "  " * depth
     yield from _comments(element.comments, indent)
     start = _start_tag(element, indent)
     if element.children:
         yield f"{start}>"
         for child in element.children:
-            yield from _lines(child, depth + 1)
+            yield from element_lines(child, depth + 1)
         yield from _comments(element.last_comments, f"{indent}  ")
         yield f"{indent}</{element.tag}>"
     elif element.text:
