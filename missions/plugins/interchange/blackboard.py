@@ -280,13 +280,17 @@ def fill_call(
     step.reads, step.sets = tuple(reads), tuple(sets)
 
 
-def give_missing_params(step: MissionStep, inner: MissionInterface) -> None:
-    """Pass null for each param of a called mission that this call omits, although the param has no default."""
+def give_missing_params(step: MissionStep, inner: MissionInterface) -> list[str]:
+    """Pass null for each param of a called mission that this call omits, although the param has no default.
+
+    Return the names of these params.
+    """
     given = step.keys.get("with")
     known = given if isinstance(given, dict) else {}
     missing = {name: None for name, value in inner.params.items() if value is ANY_VALUE and name not in known}
     if missing:
         step.keys["with"] = {**known, **missing}
+    return list(missing)
 
 
 def _outer_entry(call: SubtreeCall, entry: str) -> str | None:

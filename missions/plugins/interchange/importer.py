@@ -25,7 +25,7 @@ from missions.plugins.interchange.mission_text import MissionStep, mission_text,
 from missions.plugins.interchange.own_nodes import header_of
 from missions.plugins.interchange.port_directions import find_used_outputs, guess_outputs
 from missions.plugins.interchange.python_trees import load_tree, tree_element
-from missions.plugins.interchange.report import LOST, UNUSED, ImportReport, Remark
+from missions.plugins.interchange.report import DIFFERS, LOST, UNUSED, ImportReport, Remark
 from missions.plugins.interchange.stub_leaves import StubTable, stub_file_text
 from missions.plugins.interchange.translation import translate_node
 from missions.plugins.interchange.yaml_ports import entries_of, is_pointer
@@ -164,7 +164,9 @@ def _connect(
         _set_unset_variables(each, interfaces[key])
         for step, call in each.calls:
             if id(call.tree) in interfaces and step.word == MISSION:
-                give_missing_params(step, interfaces[id(call.tree)])
+                for name in give_missing_params(step, interfaces[id(call.tree)]):
+                    text = f"'{call.tree.id}' reads '{name}', which no node sets here: it gets null"
+                    report.add(DIFFERS, call.element, text, "SubTree")
     return interfaces
 
 

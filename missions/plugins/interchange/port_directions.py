@@ -25,7 +25,10 @@ from missions.plugins.interchange.xml_reader import Element
 from missions.plugins.interchange.yaml_ports import is_pointer
 
 INPUT_NAMES = ("input", "in_", "target", "goal", "start")
-"""Beginnings of port names that are always taken for inputs, even if the port seems to be an output by its use."""
+"""Beginnings of port names that are taken for inputs, even if the port seems to be an output by its use."""
+
+PRODUCERS = ("get", "find", "compute", "calculate", "generate", "detect", "load", "read", "next")
+"""Beginnings of the names of leaves, in lower case, to which ``INPUT_NAMES`` do not apply: ``GetGoalPose``."""
 
 Mention = tuple[str, str, str]
 """A use of a blackboard entry: the kind of node that uses it, the port, and the entry.
@@ -80,10 +83,15 @@ def guess_outputs(project: ForeignProject, rules: Mapping[str, LeafRule]) -> dic
                 inputs.add((kind, port))
     found = defaultdict[str, set[str]](set)
     for kind, port in outputs - inputs:
-        is_known = kind in rules and port in rules[kind].ports
-        if kind and not is_known and _is_undeclared(project, kind, rules) and not port.startswith(INPUT_NAMES):
+        if kind and _is_undeclared(project, kind, rules) and not _is_input(kind, port, rules):
             found[kind].add(port)
     return dict(found)
+
+
+def _is_input(kind: str, port: str, rules: Mapping[str, LeafRule]) -> bool:
+    """Return whether the table of leaves or the name of a port says that it is an input."""
+    in_table = kind in rules and port in rules[kind].ports
+    return in_table or (port.startswith(INPUT_NAMES) and not kind.lower().startswith(PRODUCERS))
 
 
 def _is_undeclared(project: ForeignProject, kind: str, rules: Mapping[str, LeafRule]) -> bool:

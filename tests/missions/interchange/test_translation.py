@@ -250,7 +250,18 @@ def test_an_undeclared_port_of_an_entry_that_is_given_is_an_input(tmp_path: Path
 
     assert first_line("") == "  - choose:"
     assert first_line("", "goal") == '  - choose: {goal: "${mode}"}'
+    get = '<Sequence><GetGoalPose goal_pose="{pose}"/><Say words="{pose}"/></Sequence>'
+    assert tree_lines(import_text(tmp_path, tree_text(get)))[1:3] == ["  - get_goal_pose:", "    as: pose"]
     assert first_line("<Script code=\"mode := 'a'\"/>") == '  - choose: {mode: "${mode}"}'
+
+
+def test_null_for_an_entry_that_no_node_sets_is_reported(tmp_path: Path) -> None:
+    other = '<BehaviorTree ID="Go"><Drive pose="{pose}"/></BehaviorTree>'
+    imported = import_text(tmp_path, tree_text('<SubTree ID="Go"/>', more=other))
+    assert "with: {pose: null}" in imported.files["patrol.yaml"]
+    assert remarks(imported, DIFFERS) == [
+        "patrol.xml:1: SubTree: 'Go' reads 'pose', which no node sets here: it gets null"
+    ]
 
 
 def test_subtree_in_another_file_hands_its_declared_output_back(tmp_path: Path) -> None:
