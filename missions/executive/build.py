@@ -142,7 +142,7 @@ class TreeBuilder:
             leaf = self._substitute(step, leaf) or leaf
             if leaf.stub:
                 message = f"'{step.kind}' is a stub, which cannot run"
-                hint = f"{leaf.stub}, or mock it in a test: given: [{step.kind}: succeeds]"
+                hint = f"{leaf.stub}, or mock it in a test: given: [{step.kind}: succeeds], or [stubs: succeeds]"
                 self.stub_faults.append(Diagnostic(step.source, step.mark, message, hint))
             return _set_arguments(leaf, step, inner)
         kind = InTurnSelector if composite_kind(step) is IN_TURN_SELECTOR else NODES[step.kind]

@@ -62,7 +62,8 @@ class CaseHistory:
     ``said`` are the robot's utterances, ``heard_by`` the utterances that each person heard, ``showed`` and ``moods``
     the contents of its screen (an empty text if cleared), and ``notified`` its notices, in order. ``result`` and
     ``returns`` are the result and the return values of the mission, after its end; the result is "running" if the
-    case's timeout has ended it.
+    case's timeout has ended it. ``left_out`` are the names of nodes below mocked ones, as ``find_left_out`` returns
+    them.
     """
 
     events: list[Event] = field(default_factory=list)
@@ -79,6 +80,7 @@ class CaseHistory:
     is_moving: bool = False
     pose: Pose2D | None = None
     joints: Mapping[str, float] = field(default_factory=dict)
+    left_out: Mapping[str, str] = field(default_factory=dict)
     _velocity: Callable[[], Velocity] | None = None
     _missions: dict[str, str] = field(default_factory=dict)
     _speaker: str = ""

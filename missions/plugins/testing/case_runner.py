@@ -14,7 +14,7 @@ from missions.executive.watchdog import WatchdogLimits
 from missions.language.expressions import ExpressionError
 from missions.plugins.testing.case_history import CaseHistory
 from missions.plugins.testing.fault_injector import FaultInjector
-from missions.plugins.testing.mocks import MockSubstitution
+from missions.plugins.testing.mocks import MockSubstitution, find_left_out
 from missions.plugins.testing.suite import Case
 from missions.request import RunRequest
 from missions.runner import Runner
@@ -69,6 +69,7 @@ class CaseRunner:
         twins = runner.twins
         if twins is None:
             raise TypeError("a run in simulated time has twins")
+        history.left_out = find_left_out(runner.plan.tree, [mock.target for mock in case.mocks])
         history.attach(runner.root, _velocity_getter(twins))
         FaultInjector(runner, history).schedule(case.injected_faults)
         twins.timeline.call_at(case.timeout, lambda: self._stop(runner))

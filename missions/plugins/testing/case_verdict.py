@@ -112,9 +112,14 @@ def _check_ran(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]
         name, count = item.value
         starts = history.starts(name)
         if starts == 0 and count != 0:
-            yield item.mark, f"'{name}' never ran"
+            yield item.mark, _never_ran(name, history)
         elif count is not None and starts != count:
             yield item.mark, f"'{name}' started {_times(starts)}"
+
+
+def _never_ran(name: str, history: CaseHistory) -> str:
+    reason = history.left_out.get(name)
+    return f"'{name}' never ran" + (f": {reason}" if reason else "")
 
 
 def _check_never_ran(expectation: Expectation, history: CaseHistory) -> Iterator[Miss]:
@@ -137,7 +142,7 @@ def _check_ends(verb: str, expectation: Expectation, history: CaseHistory) -> It
     for item in expectation.items:
         outcomes = history.outcomes(item.value)
         if not outcomes:
-            yield item.mark, f"'{item.value}' never ran"
+            yield item.mark, _never_ran(item.value, history)
         elif verb not in outcomes:
             did = ", ".join(f"{words[each]} {_times(count)}" for each, count in outcomes.items())
             yield item.mark, f"'{item.value}' {did}"
@@ -330,6 +335,9 @@ def play(case: Case, *, limits: WatchdogLimits | None = None) -> CaseVerdict:
 
 def _make_verdict(case: Case, stage: CaseRunner) -> CaseVerdict:
     misses = [(case.mark, text) for text in stage.violations] + check_expectations(case.expectations, stage.history)
+    unused = [(mock, reason) for mock in case.mocks if (reason := stage.history.left_out.get(mock.target))]
+    if misses:
+        misses += [(mock.mark, f"the mock of '{mock.target}' is not used: {reason}") for mock, reason in unused]
     faults = tuple(Diagnostic(case.source, mark, text) for mark, text in misses)
     result = stage.history.result
     if result is None:

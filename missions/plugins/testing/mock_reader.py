@@ -27,7 +27,7 @@ def read_mock(fields: Fields, key: Scalar, value: Node, setting: CaseSetting) ->
     steps = [step for step in setting.nodes if matches_step(key.text, step)]
     if setting.plan is not None and not steps:
         _report_unknown_target(fields, key, setting, setting.plan.mission)
-    return MockSpec(key.text, _MockReader(fields, key, steps).read(value))
+    return MockSpec(key.text, _MockReader(fields, key, steps).read(value), key.mark)
 
 
 def _report_unknown_target(fields: Fields, key: Scalar, setting: CaseSetting, mission: str) -> None:

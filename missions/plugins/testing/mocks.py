@@ -11,6 +11,7 @@ from typing import Any
 from py_trees.common import Status
 
 from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from config.diagnostics import Mark
 from missions.language.kinds import RecordKind, kind_of_type
 from missions.language.nodes import MISSION, MODIFIERS
 from missions.language.plan import Step
@@ -134,12 +135,17 @@ WILDCARDS = frozenset("*?")
 """Wildcard characters in the target of a mock."""
 
 
+STUBS = "stubs"
+"""Target of a mock for all stub leaves, which cannot run without a mock."""
+
+
 @dataclass(frozen=True, slots=True)
 class MockSpec:
-    """A mock in a test file: its target (see ``matches_step``) and its script."""
+    """A mock in a test file: its target (see ``matches_step``), its script, and its place in the file."""
 
     target: str
     script: Script
+    mark: Mark = field(default_factory=Mark, compare=False)
 
 
 class TurnSequence:
@@ -210,7 +216,7 @@ def match_step(target: str, step: Step) -> TargetMatch | None:
     """Return how a mock for ``target`` matches this step; None if it does not.
 
     A leaf matches by its word or name, a sub-mission by its own name or the name given to the step, a composite by the
-    name given to it; ``*`` and ``?`` are wildcards, for leaves and sub-missions.
+    name given to it; ``*`` and ``?`` are wildcards, for leaves and sub-missions, and ``stubs`` is any stub leaf.
     """
     if step.kind in MODIFIERS:
         return None
@@ -222,12 +228,42 @@ def match_step(target: str, step: Step) -> TargetMatch | None:
     if target == word:
         return TargetMatch.WORD
     is_match = WILDCARDS.intersection(target) and any(fnmatchcase(name, target) for name in (step.name, word))
-    return TargetMatch.WILDCARD if is_match else None
+    is_stub = target == STUBS and step.leaf is not None and bool(step.leaf.stub)
+    return TargetMatch.WILDCARD if is_match or is_stub else None
 
 
 def matches_step(target: str, step: Step) -> bool:
     """Return whether a mock for ``target`` can replace this step."""
     return match_step(target, step) is not None
+
+
+def closest_target(targets: Iterable[str], step: Step) -> str | None:
+    """Return the target that matches ``step`` most closely, the first of equally close ones; None if none matches."""
+    matches = [(match, target) for target in targets if (match := match_step(target, step)) is not None]
+    return min(matches, key=itemgetter(0))[1] if matches else None
+
+
+def find_left_out(tree: Step, targets: Iterable[str]) -> dict[str, str]:
+    """Return the names and targets of which a run builds no node, since all their nodes are below mocked ones.
+
+    The value is the reason of one of them, such as "'fetch' is mocked by '*'".
+    """
+    known, left_out, built = tuple(targets), dict[str, str](), set[str | None]()
+
+    def visit(step: Step, reason: str) -> None:
+        target = closest_target(known, step)
+        names = () if step.kind in MODIFIERS else (step.kind, step.word, step.name, target)
+        if reason:
+            left_out.update({name: reason for name in names if name})
+        else:
+            built.update(names)
+        if target is not None and step.leaf is None:
+            reason = reason or f"'{step.name}' is mocked by '{target}'"
+        for child in step.children:
+            visit(child, reason)
+
+    visit(tree, "")
+    return {name: reason for name, reason in left_out.items() if name not in built}
 
 
 class MockSubstitution:
@@ -238,14 +274,14 @@ class MockSubstitution:
     """
 
     def __init__(self, specs: Iterable[MockSpec]) -> None:
-        self._mocks = [(spec.target, TurnSequence(spec.script)) for spec in specs]
+        self._turns = {spec.target: TurnSequence(spec.script) for spec in specs}
 
     def __call__(self, step: Step, leaf: Leaf | None) -> Leaf | None:
         """Return the mock that replaces a step; without one, return ``leaf`` (None if the step is not a leaf)."""
-        matches = [(match, turns) for target, turns in self._mocks if (match := match_step(target, step)) is not None]
-        if not matches:
+        target = closest_target(self._turns, step)
+        if target is None:
             return leaf
-        _, turns = min(matches, key=itemgetter(0))
+        turns = self._turns[target]
         return _mock_step(step, turns) if leaf is None else _mock_leaf(leaf, turns)
 
 

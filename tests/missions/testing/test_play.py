@@ -285,3 +285,27 @@ def test_node_starts_before_its_children(tmp_path: Path) -> None:
     order = '[talk starts, say starts, say "One", say succeeds, talk succeeds]'
     assert played(tmp_path, mission, f"expect: {{order: {order}}}").passed
     assert not played(tmp_path, mission, "expect: {order: [say starts, talk starts]}").passed
+
+
+def test_failed_case_names_the_mock_above_nodes_and_mocks(tmp_path: Path) -> None:
+    (tmp_path / "inner.yaml").write_text("mission: inner\ntree: {sequence: [{say: A, name: greet}, {nod: 1}]}\n")
+    mission = "mission: m\ntree:\n  sequence: [{mission: inner}, {log: done}]\n"
+    expect = "expect: {ran: [greet, log], succeeded: say}"
+    told = [
+        "'greet' never ran: 'inner' is mocked by '*'",
+        "'say' never ran: 'inner' is mocked by '*'",
+        "the mock of 'nod' is not used: 'inner' is mocked by '*'",
+    ]
+    assert sorted(seen(played(tmp_path, mission, f"given: [{{'*': succeeds, nod: fails}}], {expect}"))) == told
+    assert seen(played(tmp_path, mission, "given: [{'*': succeeds, nod: fails}], expect: {ran: log}")) == []
+    assert seen(played(tmp_path, mission, f"given: [nod: succeeds], {expect}")) == []
+
+
+def test_mock_of_stubs_replaces_all_stubs_without_a_mock_of_their_own(tmp_path: Path) -> None:
+    (tmp_path / "behaviours").mkdir()
+    leaf = "class {0}(Leaf):\n    tag = '{1}'\n    stub = 'write it'\n"
+    stubs = "from behaviours.leaf import Leaf\n\n\n" + leaf.format("Grasp", "grasp") + leaf.format("Turn", "place_it")
+    (tmp_path / "behaviours" / "own.py").write_text(stubs)
+    mission = "mission: m\ntree:\n  selector: [grasp, {sequence: [{say: Hi}, place_it]}]\n"
+    expect = "expect: {result: success, said: Hi, failed: grasp, succeeded: place_it}"
+    assert seen(played(tmp_path, mission, f"given: [{{stubs: succeeds, grasp: fails}}], {expect}")) == []
