@@ -33,7 +33,7 @@ from missions.plugins.interchange.written_leaves import merge_stubs, tags_in
     "table",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
     metavar="TABLE.yaml",
-    help="Your table of leaves: which behaviour of a mission replaces which leaf.",
+    help="Behaviours that replace leaves, {leaves: {Say: {leaf: say, ports: {words: text}}}}: see docs/interchange.md.",
 )
 @click.option("--force", is_flag=True, help="Replace existing missions; leaves in FOLDER/behaviours are kept.")
 @behaviours_option
@@ -63,7 +63,8 @@ def command(source: str, output: Path, table: Path | None, files: tuple[Path, ..
     click.echo(f"wrote {_counted(imported)} to {output}")
     for line in kept:
         click.echo(line)
-    click.echo(f"  next: mission check {shlex.quote(str(output))}")
+    own = (f"--behaviours {shlex.quote(str(each))}" for each in files)
+    click.echo(f"  next: {' '.join(('mission check', shlex.quote(str(output)), *own))}")
 
 
 def _import(source: str, leaves: Mapping[str, type[Leaf]], rules: dict[str, LeafRule] | None) -> ImportedProject:

@@ -4,7 +4,7 @@ from missions.plugins.interchange.blackboard import constant_value, entry_of, ki
 from missions.plugins.interchange.context import TreeContext, quantity, set_step, with_outputs
 from missions.plugins.interchange.foreign_trees import PortModel, ports_of
 from missions.plugins.interchange.leaf_rules import TIMEOUT, TIMEOUT_ARGUMENT, LeafRule, PortRule, check_argument
-from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim
+from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim, snake_word
 from missions.plugins.interchange.node_kinds import KINDS, NAV2_ERRORS
 from missions.plugins.interchange.port_directions import model_of
 from missions.plugins.interchange.report import DIFFERS, LOST, STUB
@@ -181,6 +181,9 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str, reason:
     tree.add_name(step, element)
     guessed = [f"'{port}'" for port in outputs if port in tree.project.guessed_outputs.get(kind, ())]
     ports = f", whose output seems to be {' and '.join(guessed)}" if guessed else ""
+    namesake = snake_word(kind)
+    if not reason and stub.tag != namesake and namesake in tree.leaves:
+        reason = f"'{namesake}' exists; to use it, add to your table of leaves: {kind}: {{leaf: {namesake}}}"
     because = f": {reason}" if reason else ""
     tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'{ports}{because}", kind)
     for port in sorted(set(outputs).intersection(NAV2_ERRORS)):

@@ -247,6 +247,19 @@ def test_entry_of_a_table_without_effect_is_reported(
     assert mission("check", "made").code == 0
 
 
+def test_leaf_of_the_user_with_the_name_of_a_stub_is_offered_for_the_table(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text('from behaviours.leaf import Leaf\n\n\nclass Find(Leaf):\n    tag = "find_it"\n')
+    (tmp_path / "tree.xml").write_text(tree_text("<FindIt/>"))
+    done = mission("import", "tree.xml", "-o", "made", "--behaviours", "own.py")
+    assert (
+        "stub leaf 'find_it_action': 'find_it' exists; to use it, add to your table of leaves: FindIt: {l" in done.out
+    )
+    (tmp_path / "table.yaml").write_text("leaves: {FindIt: {leaf: find_it}}")
+    done = mission("import", "tree.xml", "-o", "new", "--behaviours", "own.py", "--leaves", "table.yaml")
+    assert done.out.endswith("next: mission check new --behaviours own.py\n")
+    assert mission("check", "new", "--behaviours", "own.py").code == 0
+
+
 def test_table_gives_constants_and_replaces_known_leaves_and_missing_trees(mission: Mission, tmp_path: Path) -> None:
     node = '<Sequence><Grasp/><Listen/><Sleep msec="5"/><SubTree ID="Bow"/></Sequence>'
     table = """Grasp: {leaf: gesture, with: {gesture: hello}}, Sleep: {leaf: say, ports: {msec: text}},
