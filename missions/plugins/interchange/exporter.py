@@ -15,7 +15,7 @@ from missions.language.nodes import MISSION, MODIFIERS
 from missions.language.plan import Plan, Step
 from missions.plugins.interchange.custom_nodes import custom_element, custom_modifier
 from missions.plugins.interchange.marks import write_marks
-from missions.plugins.interchange.mission_source import MissionParam, MissionSource, read_mission
+from missions.plugins.interchange.mission_source import TREE_ID, MissionParam, MissionSource, read_mission
 from missions.plugins.interchange.native_nodes import native_element, native_modifier
 from missions.plugins.interchange.node_kinds import (
     AS,
@@ -72,8 +72,9 @@ class _Exporter:
     def _add_mission(self, name: str, tree: Step, source: SourceText, *, is_main: bool = False) -> MissionSource:
         if source.name in self._missions:
             return self._missions[source.name]
-        found = read_mission(self._free_id(name), tree, source, is_main=is_main)
+        found = read_mission(self._free_id(name, source), tree, source, is_main=is_main)
         self._missions[source.name] = found
+        self._found.trees[found.id] = None
         writer = TreeWriter(found, self._write, self._found, self._models)
         element = Element("BehaviorTree", {"ID": found.id}, source, 1)
         first = found.root.entries[0][0].mark.line
@@ -83,12 +84,13 @@ class _Exporter:
         self._trees.insert(0 if is_main else len(self._trees), element)
         return found
 
-    def _free_id(self, name: str) -> str:
+    def _free_id(self, name: str, source: SourceText) -> str:
         word = to_snake_case(name)
         word = "".join(letter if letter.isalnum() or letter == "_" else "_" for letter in word).strip("_") or "mission"
-        taken = {each.id for each in self._missions.values()}
-        wishes = (word, *(f"{word}_{number}" for number in range(2, len(taken) + 3)))
-        return next(wish for wish in wishes if wish not in taken and wish not in KINDS)
+        taken = {each.lower() for each in (*self._found.trees, *self._models, *KINDS)}
+        original = TREE_ID.search(source.text)
+        wishes = (*([str(original[1])] if original else []), word, *(f"{word}_{number}" for number in range(2, 10_000)))
+        return next(wish for wish in wishes if wish.lower() not in taken)
 
     def _write(self, writer: TreeWriter, step: Step) -> Element:
         """Return the XML element of a step: the node with the same meaning, otherwise a custom node and a remark."""
@@ -104,6 +106,8 @@ class _Exporter:
             if str(reason):
                 writer.note(CUSTOM, step, f"{reason} has no counterpart there")
             element = custom_element(writer, step) if child is None else custom_modifier(writer, step, child)
+        if child is not None and element is not child and (name := writer.mission.remark(step)):
+            element.attributes = {"name": name, **element.attributes}
         return element
 
     def _tree_model(self, mission: MissionSource) -> Element:

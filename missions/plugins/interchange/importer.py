@@ -277,6 +277,8 @@ def _text(each: TreeContext, interface: MissionInterface, name: str) -> str:
         outside = [variable for variable in interface.params if tree.is_main and variable not in interface.sets]
         if interface.params:
             header["params"] = params_text(interface.params, dict.fromkeys(outside, "set by the program"))
+    if tree.id not in (name, header["mission"].strip()) and len(tree.id.split()) == 1:
+        header["mission"] += f"  # {tree.id}"
     return mission_text(
         each.root,
         header,

@@ -1,5 +1,6 @@
 """A mission that is exported: the nodes of its YAML file, its params, and the kinds of values of its variables."""
 
+import re
 from dataclasses import dataclass, field
 
 from config.diagnostics import SourceText
@@ -22,6 +23,12 @@ from missions.plugins.interchange.script_writer import (
     variable_kinds,
 )
 from missions.plugins.interchange.yaml_ports import YAML_PREFIX, flow_text
+
+REMARK = re.compile(r"""[\s-]*(\w+):\s+(?:"(?:[^"\\]|\\.)*"|'(?:[^']|'')*'|[^"'{}\[\]#\s][^{}\[\]#]*)\s#\s+(.*)""")
+"""Line of a mission file with a key, a value and a comment."""
+
+TREE_ID = re.compile(r"^mission:[^#\n]*\s#\s+([A-Za-z][A-Za-z0-9_]*)\s*$", re.MULTILINE)
+"""First line of an imported mission, with the ID of its tree as a comment."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +73,11 @@ class MissionSource:
         value = self.value(step)
         entries = value.entries if isinstance(value, Entries) else []
         return {name.text: value_of(node) for name, node in entries}
+
+    def remark(self, step: Step) -> str:
+        """Return the comment behind the line of a modifier; empty without one."""
+        found = REMARK.fullmatch(self.lines[step.mark.line - 1])
+        return found[2].strip() if found is not None and found[1] == step.kind else ""
 
     def comments(self, step: Step) -> list[str]:
         """Return the comments above a step in the mission file; each comment is returned only once."""

@@ -57,7 +57,32 @@ _CONTROLS = {
 def _composite(writer: TreeWriter, step: Step) -> Element:
     if extra := writer.settings(step):
         raise NotAScriptError(f"'{extra[0]}'")
-    return writer.new(_CONTROLS[step.kind], step, None, writer.children(step), is_named=True)
+    code = _code_on_failure(writer, step)
+    children = writer.children(step)
+    if code and "_onFailure" not in children[0].attributes:
+        children[0].attributes["_onFailure"] = code
+        return children[0]
+    return writer.new(_CONTROLS[step.kind], step, None, children, is_named=True)
+
+
+def _code_on_failure(writer: TreeWriter, step: Step) -> str:
+    """Return the script ``_onFailure`` that an import has translated to a selector; empty for other steps.
+
+    The second child of the selector sets variables and fails again, with the same reason.
+    """
+    second = step.children[-1]
+    if (step.kind, second.kind, len(step.children)) != ("selector", "sequence", 2) or can_be_skipped(step.children[0]):
+        return ""
+    *assignments, last = second.children
+    if any(each.name != each.kind for each in (step, second, *second.children)):
+        return ""
+    reason = writer.argument(last, "because") if last.kind == "fail" else None
+    if not isinstance(reason, Scalar) or reason.text != "${failure}" or any(each.kind != "set" for each in assignments):
+        return ""
+    try:
+        return "; ".join(_set(writer, each).attributes.get("code", "") for each in assignments).strip("; ")
+    except NotAScriptError:
+        return ""
 
 
 def _race(writer: TreeWriter, step: Step) -> Element:

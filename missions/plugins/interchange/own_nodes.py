@@ -65,7 +65,7 @@ def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> Missi
     if mark:
         writer = _MARKED.get(mark) if element.children else None
         step = None if writer is None else writer(tree, element, skip_as)
-        return None if step is None else _with_name(step, element)
+        return None if step is None else _with_name(step, element, mark)
     if REASON in element.attributes:
         return _with_name(MissionStep("fail", Verbatim(_value(tree, element, REASON, is_text=True))), element)
     kind, role = normal_form(element, tree.project)
@@ -74,12 +74,15 @@ def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> Missi
         return None
     children = [tree.node(child, skip_in(word), word) for child in element.children]
     step = _custom(tree, element, word, children) if children else _leaf(tree, element, kind, role, word)
-    return None if step is None else _with_name(step, element)
+    return None if step is None else _with_name(step, element, word)
 
 
-def _with_name(step: MissionStep, element: Element) -> MissionStep:
+def _with_name(step: MissionStep, element: Element, word: str = "") -> MissionStep:
+    """Give a step the name of its element; that of a modifier becomes a comment behind it."""
     name = element.attributes.get("name", "").strip()
-    if name and "name" not in step.keys:
+    if name and word in MODIFIERS:
+        step.remarks[word] = name
+    elif name and "name" not in step.keys:
         step.keys = {"name": Verbatim(yaml_word(name)), **step.keys}
     return step
 

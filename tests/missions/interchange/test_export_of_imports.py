@@ -65,3 +65,32 @@ def test_the_id_of_a_leaf_is_not_given_to_another_node(tmp_path: Path) -> None:
 def test_a_parent_that_became_a_leaf_is_reported(tmp_path: Path) -> None:
     exported = imported_and_exported(tmp_path, "<Careful><Hold/></Careful>")
     assert any("the Decorator 'Careful' there is an action here" in line for line in exported.lines())
+
+
+def test_ids_of_trees_and_names_of_nodes_are_kept(tmp_path: Path) -> None:
+    body = """<Repeat name="rounds" num_cycles="2"><Timeout name="in time" msec="250"><Sequence name="both">
+      <IsHolding name="held"/><Inverter name="not held"><IsHolding/></Inverter></Sequence></Timeout></Repeat>"""
+    tree = main_tree(imported_and_exported(tmp_path, body))
+    assert tree.attributes == {"ID": "Patrol"}
+    names = [each.attributes.get("name") for each in walk_elements(tree.children[0])]
+    assert names == ["[repeat] rounds", "in time", "both", "held", "not held", None]
+
+
+def test_a_script_on_failure_is_an_attribute_again(tmp_path: Path) -> None:
+    body = """<Sequence><Hold force="5" _onFailure="slips = 1; hurt = true"/>
+      <Fallback><Hold/><AlwaysFailure/></Fallback></Sequence>"""
+    first, second = main_tree(imported_and_exported(tmp_path, body)).children[0].children
+    assert first.attributes == {"force": "5", "_onFailure": "slips := 1; hurt := true"}
+    assert (second.tag, len(second.children)) == ("Fallback", 2)
+
+
+def test_an_import_of_the_export_is_the_same_mission(tmp_path: Path) -> None:
+    body = """<Repeat name="rounds" num_cycles="2"><Sequence>
+      <FindParcel label="a" shelf="{s}"/><Hold force="5" _onFailure="slips = 1"/></Sequence></Repeat>"""
+    exported = imported_and_exported(tmp_path, body)
+    again = tmp_path / "again"
+    again.mkdir()
+    (again / "patrol.xml").write_text(exported.text, encoding="utf-8")
+    write_import(again / "patrol.xml", again, {})
+    for name in ("patrol.yaml", "behaviours/patrol.py"):
+        assert (again / name).read_text() == (tmp_path / name).read_text()
