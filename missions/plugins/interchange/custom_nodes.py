@@ -170,6 +170,13 @@ def _original_model(leaf: type[Leaf]) -> Element | None:
         return None
 
 
+def output_ports(leaf: type[Leaf]) -> list[str]:
+    """Return the output ports of the node that a leaf was imported from."""
+    model = _original_model(leaf)
+    ports = [] if model is None else model.children
+    return [port.attributes.get("name", "") for port in ports if DIRECTIONS.get(port.tag, "in") != "in"]
+
+
 def _custom_id(writer: TreeWriter, name: str, word: str, wish: str = "") -> str:
     """Return the ID of the custom node for the step ``word``: ``wish`` or ``name``, unless another node has it."""
     camel = camel_case(name)

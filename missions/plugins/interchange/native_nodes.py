@@ -4,12 +4,16 @@ If a step becomes several nodes, the outermost has the attribute ``MARK`` with t
 makes one step of them again.
 """
 
+import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 from config.units import parse_quantity
+from config.yaml_nodes import Mapping as Entries
 from config.yaml_nodes import Node, Scalar
 from missions.language.nodes import SWITCHES, WAIT_FOR
 from missions.language.plan import Step
+from missions.plugins.interchange.custom_nodes import output_ports
 from missions.plugins.interchange.node_kinds import CASES, COUNTS, FILLER, MARK, REASON
 from missions.plugins.interchange.script_writer import (
     ANY,
@@ -57,12 +61,42 @@ _CONTROLS = {
 def _composite(writer: TreeWriter, step: Step) -> Element:
     if extra := writer.settings(step):
         raise NotAScriptError(f"'{extra[0]}'")
+    if (leaf := _leaf_with_outputs(writer, step)) is not None:
+        return leaf
     code = _code_on_failure(writer, step)
     children = writer.children(step)
     if code and "_onFailure" not in children[0].attributes:
         children[0].attributes["_onFailure"] = code
         return children[0]
     return writer.new(_CONTROLS[step.kind], step, None, children, is_named=True)
+
+
+def _leaf_with_outputs(writer: TreeWriter, step: Step) -> Element | None:
+    """Return the node of a leaf with several output ports, which an import has translated to a leaf and a ``set``.
+
+    None for other steps.
+    """
+    first, last = step.children[0], step.children[-1]
+    name, leaf = first.output_variable, first.leaf
+    if (step.kind, last.kind, len(step.children)) != ("sequence", "set", 2) or name is None or leaf is None:
+        return None
+    value = writer.mission.value(last)
+    entries = value.entries if isinstance(value, Entries) else []
+    reads = {
+        key.text: re.fullmatch(rf"\${{{name}\.(\w+)}}", node.text) for key, node in entries if isinstance(node, Scalar)
+    }
+    outputs = {found[1]: f"{{{key}}}" for key, found in reads.items() if found is not None}
+    is_all = len(outputs) == len(entries) and writer.mission.source.text.count(name) == len(entries) + 1
+    written = first.arguments_as_written
+    is_same = all(written.get(port, f"${entry}") == f"${entry}" for port, entry in outputs.items())
+    is_plain = step.name == step.kind and last.name == last.kind
+    if not (is_all and is_same and is_plain and outputs.keys() <= {*output_ports(leaf)}):
+        return None
+    element = writer.element(replace(first, output_variable=None))
+    node = element.children[-1] if element.children else element
+    node.attributes |= outputs
+    element.comments += writer.mission.comments(last)
+    return element
 
 
 def _code_on_failure(writer: TreeWriter, step: Step) -> str:

@@ -72,8 +72,9 @@ def translate_own(tree: TreeContext, element: Element, skip_as: SkipAs) -> Missi
     word = tree.project.models[kind].word if kind in tree.project.models else ""
     if not word:
         return None
-    children = [tree.node(child, skip_in(word), word) for child in element.children]
-    step = _custom(tree, element, word, children) if children else _leaf(tree, element, kind, role, word)
+    if not element.children:
+        return _leaf(tree, element, kind, role, word)
+    step = _custom(tree, element, word, [tree.node(child, skip_in(word), word) for child in element.children])
     return None if step is None else _with_name(step, element, word)
 
 
@@ -346,7 +347,7 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
     leaf = tree.leaves.get(word)
     model = model_of(tree.project, kind, tree.rules)
     declared = {} if leaf is None else leaf.arguments
-    step = MissionStep(word)
+    step = _with_name(MissionStep(word), element)
     stub = None
     if leaf is None:
         stub = tree.stubs.stub(kind, role or model.role or "Action", word)

@@ -84,9 +84,20 @@ def test_a_script_on_failure_is_an_attribute_again(tmp_path: Path) -> None:
     assert (second.tag, len(second.children)) == ("Fallback", 2)
 
 
+def test_several_outputs_of_a_leaf_are_its_ports_again(tmp_path: Path) -> None:
+    body = '<FindParcel name="look" label="a" weight="{w}" shelf="{s}"/>'
+    exported = imported_and_exported(tmp_path, body)
+    assert main_tree(exported).children[0].attributes == {"name": "look", "label": "a", "weight": "{w}", "shelf": "{s}"}
+    assert ports_of_models(exported.text)["Action FindParcel"].keys() == {"weight", "label", "shelf"}
+    path = tmp_path / "patrol.yaml"
+    path.write_text(path.read_text().replace("w: ", "v: 1, w: "))
+    assert main_tree(export_mission(plan_of(path))).children[0].tag == "Sequence"
+
+
 def test_an_import_of_the_export_is_the_same_mission(tmp_path: Path) -> None:
     body = """<Repeat name="rounds" num_cycles="2"><Sequence>
-      <FindParcel label="a" shelf="{s}"/><Hold force="5" _onFailure="slips = 1"/></Sequence></Repeat>"""
+      <FindParcel name="look" label="a" weight="{w}" shelf="{s}"/><Hold force="5" _onFailure="slips = 1"/>
+      </Sequence></Repeat>"""
     exported = imported_and_exported(tmp_path, body)
     again = tmp_path / "again"
     again.mkdir()
