@@ -107,6 +107,8 @@ def _custom_leaf(writer: TreeWriter, step: Step, leaf: type[Leaf]) -> Element:
     original = _original_model(leaf)
     role = "Condition" if leaf.instant and not (leaf.drives or leaf.acts or leaf.open_ended) else "Action"
     role, wish = (role, "") if original is None else (original.tag, original.attributes.get("ID", ""))
+    if leaf.node_model and original is None:
+        writer.note(DIFFERS, step, "its node_model is not XML, so it has the ports of its arguments")
     if role not in ("Action", "Condition"):
         writer.note(DIFFERS, step, f"the {role} '{wish}' there is an action here")
         role, wish = "Action", ""

@@ -67,6 +67,15 @@ def test_a_parent_that_became_a_leaf_is_reported(tmp_path: Path) -> None:
     assert any("the Decorator 'Careful' there is an action here" in line for line in exported.lines())
 
 
+def test_a_node_model_that_is_not_xml_is_reported(tmp_path: Path) -> None:
+    imported_and_exported(tmp_path, '<Hold force="5"/>')
+    path = tmp_path / "behaviours" / "patrol.py"
+    path.write_text(path.read_text().replace("<Action", "Action"))
+    exported = export_mission(plan_of(tmp_path / "patrol.yaml"))
+    assert main_tree(exported).children[0].tag == "HoldAction"
+    assert any("its node_model is not XML" in line for line in exported.lines())
+
+
 def test_ids_of_trees_and_names_of_nodes_are_kept(tmp_path: Path) -> None:
     body = """<Repeat name="rounds" num_cycles="2"><Timeout name="in time" msec="250"><Sequence name="both">
       <IsHolding name="held"/><Inverter name="not held"><IsHolding/></Inverter></Sequence></Timeout></Repeat>"""
