@@ -1,4 +1,4 @@
-// Drive: sticks, keys and a game pad. If the focus, page, pointer or connection is lost, the base stops at once.
+// Drive: sticks, keys and a game pad. The base stops when focus, page, pointer or connection is lost.
 
 import { button, el, field, panel, put, notify, toggle } from "./dom.js";
 import { Target } from "./form.js";

@@ -1,4 +1,4 @@
-// Map: the drawing of the world, the robot, its path, people and the points of the range finder.
+// Map: the world, the robot, its path, people and the points of the range finder.
 
 import { el, on_frame } from "./dom.js";
 

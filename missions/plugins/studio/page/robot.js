@@ -1,4 +1,4 @@
-// Robot: health of its parts, values that can change while it runs (trims, speeds, joint limits), and faults.
+// Robot: health of its parts, values that can change in a run (trims, speeds, joint limits), and faults.
 
 import { button, el, panel, put, notify } from "./dom.js";
 import { Faults } from "./faults.js";

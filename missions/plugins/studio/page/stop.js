@@ -25,7 +25,7 @@ function unreached_text(runs) {
 
 export class Stop extends HTMLElement {
   #main = null;
-  // By the protocol's version, so that STOP works on an outdated page. Two, because a lost TCP segment delays one of them.
+  // By the protocol's version, so that STOP works on an outdated page. Two, since a lost TCP segment delays one.
   #stop_links = [new Link(PROTOCOL), new Link(PROTOCOL)];
   #watcher = null;
   #latched = new Map(); // by run: client that stopped it, and the number of the stop
@@ -99,7 +99,7 @@ export class Stop extends HTMLElement {
 
   #send() {
     clearTimeout(this.#timer);
-    // Over all at once: TCP resends a lost segment only after a delay, and holds back everything behind it.
+    // Over all at once: TCP resends a lost segment late, and holds back all behind it.
     for (const link of this.#links) {
       if (link.open) link.ask({ do: "stop", press: this.#press }, REPLY_TIMEOUT).then((result) => this.#on_answer(result), (error) => this.#on_error(error));
     }
