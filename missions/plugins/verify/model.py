@@ -172,8 +172,10 @@ def _unknown_weights(value: Value, names: Sequence[str]) -> list[Weights]:
     """
     if len(names) > MAX_ORDERED_CHILDREN:
         return [(1.0,) * len(names)]
-    (tree,) = syntax_trees(value)
-    members = tree.elts if isinstance(tree, ast.List) and len(tree.elts) == len(names) else [tree] * len(names)
+    members: Sequence[ast.expr | None] = [None] * len(names)
+    match syntax_trees(value):
+        case [ast.List(elts=elements)] if len(elements) == len(names):
+            members = elements
     known = [(float(bool(each.value)),) if isinstance(each, ast.Constant) else (0.0, 1.0) for each in members]
     found = [UnknownWeights(weights) for weights in product(*known) if any(weights)]
     for weights in found:
