@@ -335,8 +335,8 @@ def play(case: Case, *, limits: WatchdogLimits | None = None) -> CaseVerdict:
 
 def _make_verdict(case: Case, stage: CaseRunner) -> CaseVerdict:
     misses = [(case.mark, text) for text in stage.violations] + check_expectations(case.expectations, stage.history)
-    unused = [(mock, reason) for mock in case.mocks if (reason := stage.history.left_out.get(mock.target))]
     if misses:
+        unused = [(mock, reason) for mock in case.mocks if (reason := stage.history.left_out.get(mock.target))]
         misses += [(mock.mark, f"the mock of '{mock.target}' is not used: {reason}") for mock, reason in unused]
     faults = tuple(Diagnostic(case.source, mark, text) for mark, text in misses)
     result = stage.history.result

@@ -69,7 +69,7 @@ def number_range(value: Value, scope: Mapping[str, object]) -> NumberRange | Non
     if tree is None or not _is_computable(tree, scope):
         return None
     low, high = _bounds(tree, scope)
-    steps = 1 + max((known.steps for known in _ranges(tree, scope)), default=0)
+    steps = 1 + max((known.steps for known in _operands(tree, scope) if isinstance(known, NumberRange)), default=0)
     samples = _samples(value, scope)
     if not samples or steps > MAX_STEPS or not (math.isfinite(low) and math.isfinite(high)):
         return None
@@ -114,7 +114,7 @@ def _samples(value: Value, scope: Mapping[str, object]) -> list[object]:
             known[name] = held.at(share) if isinstance(held, NumberRange) else held
         try:
             found.append(formula.evaluate(known))
-        except (ExpressionError, AttributeError):
+        except ExpressionError:
             return []
     return found
 
@@ -130,12 +130,13 @@ def _single_tree(value: Value) -> ast.expr | None:
     return part.tree if isinstance(part, Expression) else None
 
 
-def _ranges(tree: ast.expr, scope: Mapping[str, object]) -> Iterator[NumberRange]:
-    """Yield the ranges of the variables that an expression reads."""
+def _operands(tree: ast.expr, scope: Mapping[str, object]) -> Iterator[object]:
+    """Yield the constants of an expression, and the values of the variables that it reads."""
     for node in ast.walk(tree):
-        known = scope.get(node.id) if isinstance(node, ast.Name) else None
-        if isinstance(known, NumberRange):
-            yield known
+        if isinstance(node, ast.Constant):
+            yield node.value
+        elif isinstance(node, ast.Name):
+            yield scope.get(node.id)
 
 
 def _is_computable(node: ast.expr, scope: Mapping[str, object]) -> bool:  # noqa: C901, PLR0912 - an arm for each form
@@ -147,7 +148,7 @@ def _is_computable(node: ast.expr, scope: Mapping[str, object]) -> bool:  # noqa
         case ast.Constant(value=int() | float()):
             return True
         case ast.Name(id=name):
-            return _is_number(scope.get(name)) or isinstance(scope.get(name), NumberRange)
+            return isinstance(scope.get(name), int | float | NumberRange)
         case ast.Call(args=[low, high]) if is_draw(node):
             parts = [low, high]
             if _bounds(low, scope)[1] > _bounds(high, scope)[0]:
@@ -268,15 +269,9 @@ def _excludes_zero(found: Bounds) -> bool:
     return found[0] > 0 or found[1] < 0
 
 
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float)
-
-
 def _has_dimension(tree: ast.expr, scope: Mapping[str, object]) -> bool:
     """Return whether an expression reads a quantity, such as 2 s."""
-    if any(known.dimension != NUMBER for known in _ranges(tree, scope)):
-        return True
-    parts = list(ast.walk(tree))
-    constants = [part.value for part in parts if isinstance(part, ast.Constant)]
-    held = [scope.get(part.id) for part in parts if isinstance(part, ast.Name)]
-    return any(isinstance(value, Quantity) for value in (*constants, *held))
+    return any(
+        known.dimension != NUMBER if isinstance(known, NumberRange) else isinstance(known, Quantity)
+        for known in _operands(tree, scope)
+    )

@@ -181,8 +181,10 @@ class Snapshots:
 
     def _is_over(self, node: CooldownModifier, name: str, value: object) -> bool:
         """Return whether a time of a cooldown is certainly over: it then has the same future as one not begun."""
-        wait = _wait_seconds(node, name) if name == "_succeeded_at" and isinstance(value, Instant) else None
-        return wait is not None and isinstance(value, Instant) and self._timing.zone.is_over(value.place, wait)
+        if name != "_succeeded_at" or not isinstance(value, Instant):
+            return False
+        wait = _wait_seconds(node, name)
+        return wait is not None and self._timing.zone.is_over(value.place, wait)
 
     def _number(self, row: Row, names: tuple[str, ...]) -> int:
         """Return the number of a row. Numbers make the frequent comparisons of states fast."""
