@@ -24,7 +24,7 @@ from missions.library.drivers import load_robot
 from missions.library.shipped import load_mission
 from missions.plugins.records.replay.rerun import rerun
 from missions.plugins.verify.explore import PROVED, REFUTED
-from missions.plugins.verify.random_bounds import truth_values
+from missions.plugins.verify.unknown_values import truth_values
 from missions.request import RunRequest
 from tests.missions.records.replay.past import past_of
 from tests.missions.testing.verify.exploring import explored, outcome, outcomes, plan_of

@@ -28,7 +28,7 @@ from missions.language.operators import RANDOM
 from missions.language.read_analysis import always_read_names
 from missions.language.robot_state import ROBOT_STATE, state_value
 from missions.plugins.verify.choices import Oracle
-from missions.plugins.verify.random_bounds import (
+from missions.plugins.verify.unknown_values import (
     UNKNOWN,
     NumberRange,
     Unknown,

@@ -52,13 +52,13 @@ from missions.plugins.verify.abstract_values import (
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.live_variables import live_variables, names_read
 from missions.plugins.verify.places import describe_node, place_text
-from missions.plugins.verify.random_bounds import UNKNOWN
 from missions.plugins.verify.rule_monitor import PropertyMonitor, RuleMonitor, is_endless, make_monitor
 from missions.plugins.verify.snapshot import Row, Rows, Snapshots, freeze, thaw
 from missions.plugins.verify.stand_ins import StandIn, WaitStandIn, outcomes, report_of, stand_in_class, wait_seconds
 from missions.plugins.verify.symbolic_time import Rows as Times
 from missions.plugins.verify.symbolic_time import SymbolicClock, UnknownTime, extrapolate
 from missions.plugins.verify.tick_merging import TickMerger
+from missions.plugins.verify.unknown_values import UNKNOWN
 from missions.plugins.verify.value_effects import ineffective_variables
 
 # Abstraction of a checked plan: leaves become stand-ins, unknown values become choices.

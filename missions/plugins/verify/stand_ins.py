@@ -15,9 +15,9 @@ from missions.language.plan import Step
 from missions.language.robot_state import state_value
 from missions.plugins.verify.choices import Oracle
 from missions.plugins.verify.places import describe_node
-from missions.plugins.verify.random_bounds import UNKNOWN
 from missions.plugins.verify.rule_monitor import RuleMonitor
 from missions.plugins.verify.symbolic_time import Instant
+from missions.plugins.verify.unknown_values import UNKNOWN
 
 if TYPE_CHECKING:
     from missions.plugins.verify.tick_merging import TickMerger
