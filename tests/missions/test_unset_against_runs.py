@@ -1,23 +1,17 @@
 """Variables that may be unset after a composite whose children run at once or in any order, against all short runs."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 from random import Random
 
 import pytest
-from py_trees.common import Status
 
 from behaviours.leaf import SUCCESS
-from behaviours.robot import Robot
-from behaviours.run import RunState
 from config.diagnostics import InvalidFileError
-from drivers.clock import ManualClock
-from missions.executive.build import build
 from missions.language import document
 from missions.language.definite_assignment import find_unset_reads
 from missions.language.plan import Plan
 from tests.missions.testing.verify.exploring import plan_of
-from tests.missions.testing.verify.test_against_brute_force import Tape, TapedFace, TapedRandom, taped
+from tests.missions.testing.verify.taped_runs import taped_runs
 from tests.tries import tries
 
 TREES = tries(80, most=3_000)
@@ -63,24 +57,10 @@ def random_composite(random: Random) -> str:
     return ", ".join([f"{word}: [{', '.join(f'{{{child}}}' for child in children)}]", *beside])
 
 
-def successful_runs(plan: Plan) -> Iterator[frozenset[str]]:
-    """Yield the names in NAMES that are not set after each run of at most TICKS ticks that succeeds."""
-    tape, more = Tape(), True
-    tree = taped(plan.tree, tape)
-    while more:
-        clock = ManualClock()
-        run = RunState(clock)
-        run.variables["face"] = TapedFace(tape)
-        run.random = TapedRandom(tape)
-        root = build(replace(plan, tree=tree), run, lambda _: Robot())
-        status = Status.RUNNING
-        for _ in range(TICKS):
-            clock.advance(0.05)
-            run.tick += 1
-            if (status := root.execute_tick()) is not Status.RUNNING:
-                break
+def unset_after_each_run(plan: Plan) -> Iterator[frozenset[str]]:
+    """Yield the names in NAMES that each run of at most TICKS ticks leaves unset; none if it does not succeed."""
+    for run, status in taped_runs(plan, (0.05,) * TICKS):
         yield frozenset(NAMES).difference(run.variables) if status is SUCCESS else frozenset()
-        more = tape.rewind()
 
 
 def unset_in_runs(tree: str) -> frozenset[str] | None:
@@ -93,7 +73,7 @@ def unset_in_runs(tree: str) -> frozenset[str] | None:
         plan = plan_of(f"{{{tree}}}")
     except InvalidFileError:
         return None
-    for number, unset in enumerate(successful_runs(plan)):
+    for number, unset in enumerate(unset_after_each_run(plan)):
         if number == RUNS:
             return None
         found |= unset & plan.tree.variables

@@ -3,135 +3,32 @@
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from random import Random
-from typing import Any
 
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from py_trees.common import Status
 
-from behaviours.basics import Check, Set, WaitUntil
-from behaviours.leaf import FAILURE, RUNNING, SUCCESS, Leaf
+from behaviours.leaf import FAILURE, RUNNING, SUCCESS
 from behaviours.robot import Robot
 from behaviours.run import RunState
 from drivers.clock import ManualClock
-from drivers.errors import SensorSilent
 from missions.executive.build import build
-from missions.language.plan import Plan, Step
+from missions.language.plan import Plan
 from missions.plugins.verify.explore import GOING, HALTING, RESTED, StateSpace
 from missions.plugins.verify.model import MissionModel
 from missions.plugins.verify.verdicts import MAX_STATES
 from tests.missions.testing.verify.exploring import plan_of
+from tests.missions.testing.verify.taped_runs import Tape, taped, taped_runs
 
 TICKS = 3
 RUNS = 6_000
 """Runs of one tree that are enumerated at most; a tree with more is passed over."""
 
-STATUSES = (SUCCESS, FAILURE, RUNNING)
-
-
-class Tape:
-    """The answers of all leaves and sensors in one run, as digits of a number that counts up."""
-
-    def __init__(self) -> None:
-        self.digits: list[int] = []
-        self.place = 0
-        self.silent: dict[tuple[int, float | None], bool] = {}
-
-    def read(self) -> Status:
-        if self.place == len(self.digits):
-            self.digits.append(0)
-        self.place += 1
-        return STATUSES[self.digits[self.place - 1]]
-
-    def rewind(self) -> bool:
-        """Go on to the next number; False after the last."""
-        del self.digits[self.place :]
-        self.place = 0
-        self.silent.clear()
-        while self.digits and self.digits[-1] == len(STATUSES) - 1:
-            self.digits.pop()
-        if self.digits:
-            self.digits[-1] += 1
-        return bool(self.digits)
-
-
-def taped(step: Step, tape: Tape) -> Step:
-    """The step with leaves that read ``tape``."""
-
-    class Reader(Leaf):
-        """Do what the tape says; drive what the real leaf drives, since that halts what has to make way."""
-
-        drives = frozenset() if step.leaf is None else step.leaf.drives
-        instant = step.leaf is not None and step.leaf.instant
-        acts = step.leaf is not None and step.leaf.acts
-
-        def update(self) -> Status:
-            status = tape.read()
-            if not self.instant:
-                return status
-            waiting = self.run.tick, self._silent_since  # all conditions here are equal, and see the same picture
-            silent = tape.silent.setdefault(waiting, status is RUNNING)
-            return self.suspend("camera") if silent else SUCCESS if status is RUNNING else status
-
-    if step.leaf in (Check, WaitUntil, Set):
-        return step
-    children = tuple(taped(child, tape) for child in step.children)
-    return replace(step, children=children) if step.leaf is None else replace(step, leaf=Reader, arguments={})
-
-
-class TapedRandom(Random):
-    """Chance that reads ``tape``: each child that can be drawn next is drawn in some run."""
-
-    def __init__(self, tape: Tape) -> None:
-        super().__init__(0)
-        self._tape = tape
-
-    def random(self) -> float:
-        """Return one of three numbers that tell the bounds of all conditions here apart."""
-        return (0.0, 0.5, 0.9)[STATUSES.index(self._tape.read())]
-
-    def choices(self, population: Any, *args: Any, **options: Any) -> list[Any]:
-        del args, options
-        return [population[STATUSES.index(self._tape.read()) % len(population)]]
-
-
-class TapedFace:
-    """The face of the robot's state: whether one is seen is read from the tape, or that the camera does not report."""
-
-    def __init__(self, tape: Tape) -> None:
-        self._tape = tape
-
-    @property
-    def seen(self) -> bool:
-        answer = self._tape.read()
-        if answer is RUNNING:
-            raise SensorSilent("the camera does not report")
-        return answer is SUCCESS
-
 
 def enumerated(plan: Plan, seconds: tuple[float, ...]) -> Iterator[tuple[int, Status]]:
-    """Every run of TICKS ticks at most: after how many ticks it ended, and how. ``seconds`` pass before a tick."""
-    tape = Tape()
-    tree = taped(plan.tree, tape)
-    more = True
-    while more:
-        clock = ManualClock()
-        run = RunState(clock)
-        run.variables["face"] = TapedFace(tape)
-        run.random = TapedRandom(tape)
-        root = build(replace(plan, tree=tree), run, lambda _: Robot())
-        for tick in range(1, TICKS + 1):
-            clock.advance(seconds[tick - 1])
-            run.tick += 1
-            status = root.execute_tick()
-            if status is not RUNNING:
-                yield tick, status
-                break
-        else:
-            yield TICKS, RUNNING
-        more = tape.rewind()
+    """Yield after how many ticks each run ended, and how. ``seconds`` pass before the ticks."""
+    return ((run.tick, status) for run, status in taped_runs(plan, seconds))
 
 
 LEAF = st.sampled_from(("look: 0 deg", "scene_uniform: 1 s"))
