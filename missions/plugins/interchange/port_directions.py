@@ -114,7 +114,7 @@ def _mentions(project: ForeignProject, tree: SourceTree) -> Iterator[Mention]:
 
 def _scripts(element: Element, kind: str) -> Iterator[tuple[str, Script]]:
     for name, code in codes_of(element, kind).items():
-        with suppress(ScriptError):
+        with suppress(ScriptError):  # the translation of the node reports it
             yield name, parse_script(code)
 
 
