@@ -13,7 +13,7 @@ from missions.plugins.interchange.foreign_trees import ForeignProject, SourceTre
 from missions.plugins.interchange.leaf_rules import LeafRule
 from missions.plugins.interchange.mission_text import Computed, MissionStep, Verbatim, snake_word
 from missions.plugins.interchange.node_kinds import KINDS, OLD_PORTS
-from missions.plugins.interchange.report import LOST, RENAMED, ImportReport
+from missions.plugins.interchange.report import LOST, RENAMED, STUB, WRITTEN, ImportReport
 from missions.plugins.interchange.scripts import (
     FLAG,
     LOGIC,
@@ -127,6 +127,13 @@ class TreeContext:
             self.report.add(LOST, element, f"the condition '{code}'")
             return None
         return as_condition(script.condition)
+
+    def report_stub(self, element: Element, tag: str, kind: str, more: str = "") -> None:
+        """Report the stub leaf of a node, or the leaf that its author has made of the stub."""
+        if tag in self.stubs.written:
+            self.report.add(WRITTEN, element, f"the leaf '{tag}'{more}", kind)
+        else:
+            self.report.add(STUB, element, f"the stub leaf '{tag}'{more}", kind)
 
     def script(self, element: Element, code: str) -> Script | None:
         """Return the parsed script ``code``; None if missions cannot express it, which is reported."""

@@ -49,20 +49,26 @@ class ImportedProject:
 
 
 def import_trees(
-    path: Path, leaves: Mapping[str, type[Leaf]], rules: Mapping[str, LeafRule] | None = None
+    path: Path,
+    leaves: Mapping[str, type[Leaf]],
+    rules: Mapping[str, LeafRule] | None = None,
+    written: Collection[str] = (),
 ) -> ImportedProject:
     """Read an XML file or a folder of them, and return the missions of its trees, without writing them.
 
     ``leaves`` are the leaves of missions by tag; ``rules`` replace leaves of the other program by them, in addition to
-    ``LEAF_RULES``. Raises InvalidFileError.
+    ``LEAF_RULES``. ``written`` are the tags of stubs of earlier imports that are leaves now. Raises InvalidFileError.
     """
     imported = ImportedProject()
     project = read_project(path, imported.report)
-    return import_project(imported, project, path, leaves, rules)
+    return import_project(imported, project, path, leaves, rules, written)
 
 
 def import_python_tree(
-    target: str, leaves: Mapping[str, type[Leaf]], rules: Mapping[str, LeafRule] | None = None
+    target: str,
+    leaves: Mapping[str, type[Leaf]],
+    rules: Mapping[str, LeafRule] | None = None,
+    written: Collection[str] = (),
 ) -> ImportedProject:
     """Return the mission of a tree of py_trees that a function builds: ``module:function`` or ``file.py:function``.
 
@@ -71,7 +77,7 @@ def import_python_tree(
     imported = ImportedProject()
     root = tree_element(load_tree(target), target, imported.report)
     path = Path(f"{target.rpartition(':')[2]}.py")
-    return import_project(imported, project_of(root, path, imported.report), path, leaves, rules)
+    return import_project(imported, project_of(root, path, imported.report), path, leaves, rules, written)
 
 
 def import_project(
@@ -80,13 +86,14 @@ def import_project(
     path: Path,
     leaves: Mapping[str, type[Leaf]],
     rules: Mapping[str, LeafRule] | None,
+    written: Collection[str],
 ) -> ImportedProject:
     """Add the missions of a project to the result of an import; ``path`` names the file of its stubs."""
     names = _mission_names(project)
     kinds = EntryKinds(project)
     table = {**LEAF_RULES, **(rules or {})}
     project.guessed_outputs = guess_outputs(project, table)
-    stubs = StubTable(leaves, find_used_outputs(project, table))
+    stubs = StubTable(leaves, find_used_outputs(project, table), written)
     translated = {
         id(tree): TreeContext(project, tree, kinds, table, stubs, leaves, imported.report, translate_node)
         for tree in project.trees()

@@ -7,7 +7,7 @@ from missions.plugins.interchange.leaf_rules import TIMEOUT, TIMEOUT_ARGUMENT, L
 from missions.plugins.interchange.mission_text import Computed, MissionStep, PlainExpression, Verbatim, snake_word
 from missions.plugins.interchange.node_kinds import KINDS, NAV2_ERRORS
 from missions.plugins.interchange.port_directions import model_of
-from missions.plugins.interchange.report import DIFFERS, LOST, STUB
+from missions.plugins.interchange.report import DIFFERS, LOST
 from missions.plugins.interchange.scripts import TEXT, Formula, as_condition
 from missions.plugins.interchange.stub_leaves import StubArgument, kind_of_port
 from missions.plugins.interchange.xml_reader import Element
@@ -185,7 +185,7 @@ def stub_step(tree: TreeContext, element: Element, kind: str, role: str, reason:
     if not reason and stub.tag != namesake and namesake in tree.leaves:
         reason = f"'{namesake}' exists; to use it, add to your table of leaves: {kind}: {{leaf: {namesake}}}"
     because = f": {reason}" if reason else ""
-    tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'{ports}{because}", kind)
+    tree.report_stub(element, stub.tag, kind, f"{ports}{because}")
     for port in sorted(set(outputs).intersection(NAV2_ERRORS)):
         tree.report.add(DIFFERS, element, f"'{port}' is stored after a success only; a failure has a reason", kind)
     return with_outputs(step, outputs, several=len(stub.outputs) > 1, fresh=tree.names.fresh)

@@ -38,7 +38,7 @@ from missions.plugins.interchange.node_kinds import (
     UNSKIPPED,
 )
 from missions.plugins.interchange.port_directions import model_of
-from missions.plugins.interchange.report import LOST, STUB
+from missions.plugins.interchange.report import LOST
 from missions.plugins.interchange.scripts import TEXT
 from missions.plugins.interchange.stub_leaves import kind_of_port, stores_several
 from missions.plugins.interchange.xml_reader import Element
@@ -354,7 +354,7 @@ def _leaf(tree: TreeContext, element: Element, kind: str, role: str, word: str) 
         stub.uses += 1
         stub.ports |= model.ports
         step.word = stub.tag
-        tree.report.add(STUB, element, f"the stub leaf '{stub.tag}'", kind)
+        tree.report_stub(element, stub.tag, kind)
     if leaf is not None and leaf.open_ended:
         entries = read_entries(element.attributes.get("values", ""))
         step.value = {name: Verbatim(flow_text(node)) for name, node in entries.items()}

@@ -6,15 +6,18 @@ from dataclasses import dataclass, field
 
 from missions.plugins.interchange.xml_reader import Element
 
-STUB, LOST, DIFFERS, RENAMED, UNUSED = "stub", "not carried over", "differs", "renamed", "unused"
+STUB, WRITTEN = "stub", "written"
+LOST, DIFFERS, RENAMED, UNUSED = "not carried over", "differs", "renamed", "unused"
 """Kinds of remarks: a stub leaf; a node or an attribute without a counterpart; a similar meaning; another name.
 
-``UNUSED`` is an entry of the user's table of leaves without effect.
+``WRITTEN`` is a leaf that was a stub of an earlier import. ``UNUSED`` is an entry of the user's table of leaves
+without effect.
 """
 
 EXPLANATIONS = {
     LOST: "Not carried over",
     STUB: "Stub leaves, which refuse to run until you write them",
+    WRITTEN: "Leaves that you have written",
     DIFFERS: "Carried over with a difference",
     RENAMED: "Renamed",
     UNUSED: "Without effect in your table of leaves",

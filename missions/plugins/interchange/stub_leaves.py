@@ -100,10 +100,17 @@ class StubTable:
     """Stub leaves of an import, by the ID of the leaf in the XML files.
 
     ``leaf_tags`` are the tags that other leaves have. ``outputs`` has, for each leaf, its output ports that are
-    connected to a blackboard entry in any tree. ``ports`` has the ports of each leaf in the trees.
+    connected to a blackboard entry in any tree. ``ports`` has the ports of each leaf in the trees. ``written`` are the
+    tags of stubs of earlier imports that are leaves now.
     """
 
-    def __init__(self, leaf_tags: Collection[str], outputs: Mapping[str, Mapping[str, PortModel]]) -> None:
+    def __init__(
+        self,
+        leaf_tags: Collection[str],
+        outputs: Mapping[str, Mapping[str, PortModel]],
+        written: Collection[str] = (),
+    ) -> None:
+        self.written = written
         self._outputs = outputs
         self._taken = {*leaf_tags, *RESERVED_WORDS}
         self.stubs: dict[str, StubLeaf] = {}
