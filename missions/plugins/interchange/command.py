@@ -1,12 +1,13 @@
 """``mission import``: missions from behaviour trees of other programs."""
 
 import shlex
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 import click
 
 from behaviours.leaf import Leaf
+from config.diagnostics import SourceText
 from config.file_io import save_file
 from config.yaml_nodes import read_source
 from missions.cli.option_declarations import behaviours_option
@@ -15,7 +16,7 @@ from missions.library.vocabulary import behaviour_files_beside, load_leaves
 from missions.plugins.interchange.importer import REPORT_NAME, ImportedProject, import_python_tree, import_trees
 from missions.plugins.interchange.leaf_rules import LeafRule, read_rules
 from missions.plugins.interchange.python_trees import TARGET, PythonTreeError
-from missions.plugins.interchange.written_leaves import merge_stubs, tags_in
+from missions.plugins.interchange.written_leaves import LeafClasses, find_written_tags, head_of, merge_stubs, tags_in
 
 
 @click.command("import", epilog="Example: mission import patrol.xml -o patrol")
@@ -50,9 +51,10 @@ def command(source: str, output: Path, table: Path | None, files: tuple[Path, ..
     """
     check_folder(output, "-o", f"-o {shlex.quote(str(output.with_suffix('')))}")
     leaves = load_leaves(files)
-    imported = _import(source, leaves, None if table is None else read_rules(table, leaves))
+    present = {file: tags_in(read_source(file)) for file in behaviour_files_beside(output / REPORT_NAME)}
+    imported = _import(source, leaves, None if table is None else read_rules(table, leaves), find_written_tags(present))
     _check_output(output, imported, force=force)
-    kept = _keep_leaves(output, imported)
+    kept = _keep_leaves(output, imported, present)
     with report_write_errors(output, "-o"):
         for name, text in imported.files.items():
             target = output / name
@@ -67,33 +69,40 @@ def command(source: str, output: Path, table: Path | None, files: tuple[Path, ..
     click.echo(f"  next: {' '.join(('mission check', shlex.quote(str(output)), *own))}")
 
 
-def _import(source: str, leaves: Mapping[str, type[Leaf]], rules: dict[str, LeafRule] | None) -> ImportedProject:
+def _import(
+    source: str, leaves: Mapping[str, type[Leaf]], rules: dict[str, LeafRule] | None, written: Collection[str]
+) -> ImportedProject:
     """Import XML files or a Python tree. Raises click.BadParameter if there is no such thing."""
     path = Path(source)
     if path.exists():
-        return import_trees(path, leaves, rules)
+        return import_trees(path, leaves, rules, written)
     if TARGET.fullmatch(source) is None:
         hint = "try: a file, a folder, or MODULE:FUNCTION for a tree of py_trees"
         raise click.BadParameter(f"'{source}' does not exist\n  {hint}", param_hint="SOURCE")
     try:
-        return import_python_tree(source, leaves, rules)
+        return import_python_tree(source, leaves, rules, written)
     except PythonTreeError as error:
         hint = "try: MODULE:FUNCTION or FILE.py:FUNCTION, where FUNCTION returns the root of a tree of py_trees"
         raise click.BadParameter(f"'{source}' cannot be read: {error}\n  {hint}", param_hint="SOURCE") from error
 
 
-def _keep_leaves(folder: Path, imported: ImportedProject) -> list[str]:
-    """Keep the leaves in the stub file of an earlier import, and return lines about them. Raises InvalidFileError."""
+def _keep_leaves(folder: Path, imported: ImportedProject, present: Mapping[Path, LeafClasses]) -> list[str]:
+    """Keep the leaves in ``present``, the Python files of earlier imports, and return lines about them.
+
+    Raises InvalidFileError.
+    """
     lines = list[str]()
-    for name in [each for each in imported.files if each.endswith(".py") and (folder / each).exists()]:
-        file = folder / name
-        others = [each for each in behaviour_files_beside(folder / REPORT_NAME) if each != file]
-        elsewhere = {tag for each in others for tag in tags_in(read_source(each))}
-        merged = merge_stubs(read_source(file), imported.files[name], elsewhere)
-        imported.files[name] = merged.text
+    for name in [each for each in imported.files if each.endswith(".py")]:
+        file, text = folder / name, imported.files.pop(name)
+        elsewhere = {tag for other, tags in present.items() if other != file for tag in tags}
+        source = read_source(file) if file.exists() else SourceText(str(file), head_of(text))
+        merged = merge_stubs(source, text, elsewhere)
         imported.stubs = len(merged.added)
-        lines.append(f"kept the leaves in {file}")
-        lines += (f"  '{tag}' is a stub of other trees: to replace it, delete its class" for tag in merged.outdated)
+        if merged.added:
+            imported.files[name] = merged.text
+        if file.exists():
+            lines.append(f"kept the leaves in {file}")
+        lines += (f"  '{tag}' is a stub with other ports: to replace it, delete its class" for tag in merged.outdated)
     return lines
 
 

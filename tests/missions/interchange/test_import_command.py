@@ -98,13 +98,48 @@ def test_second_import_keeps_written_leaves_and_adds_new_stubs(mission: Mission,
     assert file.read_text() == text
 
 
+def test_second_import_adds_no_stub_for_leaves_of_other_files(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    mission("import", "tree.xml", "-o", "made")
+    folder = tmp_path / "made" / "behaviours"
+    own = (folder / "tree.py").rename(folder / "writ.py")
+    own.write_text(own.read_text().replace("    stub = ", "    note = "))
+    done = mission("import", "tree.xml", "-o", "made", "--force")
+    assert "wrote 1 mission to made\n" in done.out
+    assert list(folder.glob("*.py")) == [own]
+    (tmp_path / "tree.xml").write_text(tree_text('<Sequence><Grasp force="3"/><Lift/></Sequence>'))
+    done = mission("import", "tree.xml", "-o", "made", "--force")
+    assert "wrote 1 mission and 1 stub leaf to made\n" in done.out
+    text = (folder / "tree.py").read_text()
+    assert text.startswith('"""Stub leaves of tree.xml')
+    assert "class Lift(Leaf)" in text
+    assert "grasp" not in text
+    assert not mission("check", "made").err.count("skipped")
+
+
+def test_report_of_a_second_import_separates_written_leaves_from_stubs(mission: Mission, tmp_path: Path) -> None:
+    (tmp_path / "tree.xml").write_text(tree_text('<Sequence><Grasp force="3"/><Lift/></Sequence>'))
+    mission("import", "tree.xml", "-o", "made")
+    file = tmp_path / "made" / "behaviours" / "tree.py"
+    file.write_text(file.read_text().replace("    stub = ", "    note = ", 1))
+    done = mission("import", "tree.xml", "-o", "made", "--force")
+    stub, leaf = "tree.xml:1: Lift: the stub leaf 'lift'", "tree.xml:1: Grasp: the leaf 'grasp'"
+    assert f"until you write them:\n  {stub}\nLeaves that you have written:\n  {leaf}\n" in done.out
+    report = (tmp_path / "made" / "IMPORTED.md").read_text()
+    assert f"## Leaves that you have written\n\n- {leaf}" in report
+
+
 def test_second_import_names_outdated_stubs_and_refuses_broken_files(mission: Mission, tmp_path: Path) -> None:
     (tmp_path / "tree.xml").write_text(tree_text(GRASP))
     mission("import", "tree.xml", "-o", "made")
     (tmp_path / "tree.xml").write_text(tree_text(GRASP.replace("force", "power")))
     done = mission("import", "tree.xml", "-o", "made", "--force")
-    assert "'grasp' is a stub of other trees: to replace it, delete its class" in done.out
-    (tmp_path / "made" / "behaviours" / "tree.py").write_text("class Grasp(\n")
+    assert "'grasp' is a stub with other ports: to replace it, delete its class" in done.out
+    (tmp_path / "tree.xml").write_text(tree_text(GRASP))
+    file = tmp_path / "made" / "behaviours" / "tree.py"
+    file.write_text(file.read_text().replace("        return self", "        del self.force\n        return self"))
+    assert "is a stub with" not in mission("import", "tree.xml", "-o", "made", "--force").out
+    file.write_text("class Grasp(\n")
     refused = mission("import", "tree.xml", "-o", "made", "--force")
     assert refused.code == 2
     assert "tree.py:1:1: not valid Python" in refused.err
