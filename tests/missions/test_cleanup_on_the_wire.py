@@ -20,20 +20,18 @@ tree:
   finally:
     sequence:
       - log: begin
-      - liar:
-        timeout: 300 ms
-        on_failure: succeed
-      - notify: cleaned
+      - CLEANUP
 """
+MOVING = "{sequence: [{liar: , timeout: 300 ms, on_failure: succeed}, {notify: cleaned}]}"
 
 
 class Witness:
     """A mission that drives a virtual base; ``commands`` are the speeds that the wire has carried."""
 
-    def __init__(self, folder: Path, limit: str, mission: str = MISSION) -> None:
+    def __init__(self, folder: Path, limit: str, mission: str, cleanup: str) -> None:
         write_files(folder)
         self.commands: list[float] = []
-        self.driving = Driving(folder, mission=mission.replace("LIMIT", limit))
+        self.driving = Driving(folder, mission=mission.replace("LIMIT", limit).replace("CLEANUP", cleanup))
         self.pid = str(self.driving.process.process.pid)
         body = self.driving.kobuki.body
         carry_out = body.command
@@ -55,8 +53,8 @@ class Witness:
 def start(tmp_path: Path) -> Iterator[Callable[..., Witness]]:
     found: list[Witness] = []
 
-    def make(limit: str, mission: str = MISSION) -> Witness:
-        found.append(Witness(tmp_path, limit, mission))
+    def make(limit: str, mission: str = MISSION, cleanup: str = MOVING) -> Witness:
+        found.append(Witness(tmp_path, limit, mission, cleanup))
         return found[0]
 
     yield make
@@ -139,16 +137,7 @@ def test_killed_run_starts_no_cleanup(start: Callable[[str], Witness]) -> None:
     assert "refused" not in "".join(witness.driving.process.errors)
 
 
-ENDLESS = """mission: far
-tree:
-  drive: 20 m
-  timeout: LIMIT
-  finally:
-    sequence:
-      - log: begin
-      - CLEANUP
-  halt_limit: 10 s
-"""
+ENDLESS = f"{MISSION}  halt_limit: 10 s\n"
 CLEANUPS = {
     "waits": "wait: 1 h",
     "repeats": "{log: again, repeat: forever}",
@@ -164,7 +153,7 @@ CLEANUPS = {
 def test_end_with_an_endless_cleanup_is_over_after_the_halt_timeout(
     way: str, cleanup: str, start: Callable[..., Witness], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    witness = start("60 s", ENDLESS.replace("CLEANUP", CLEANUPS[cleanup]))
+    witness = start("60 s", ENDLESS, CLEANUPS[cleanup])
     _, end, code = WAYS[way]
     began = time.monotonic()
     assert end(witness, capsys) == code
@@ -179,7 +168,7 @@ def test_end_with_an_endless_cleanup_is_over_after_the_halt_timeout(
 def test_end_during_an_endless_cleanup_is_over_after_the_halt_timeout(
     way: str, start: Callable[..., Witness], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    witness = start("1 s", ENDLESS.replace("CLEANUP", CLEANUPS["waits"]))
+    witness = start("1 s", ENDLESS, CLEANUPS["waits"])
     wait_until(lambda: "begin" in "".join(witness.driving.process.errors), seconds=10.0)
     _, end, code = WAYS[way]
     began = time.monotonic()
