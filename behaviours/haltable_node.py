@@ -1,5 +1,6 @@
 """Halting of a leaf: terminate, grace period, forced stop of its actuators."""
 
+from threading import Lock
 from typing import ClassVar
 
 from py_trees.common import Status
@@ -22,6 +23,10 @@ TIME_TOLERANCE = 1e-6
 
 AT_REST, STARTING, WORKING, HALTING = range(4)
 """Stages of a leaf: at rest; ``initialise`` called; ``initialise`` returned; ``terminate`` called by a halt."""
+
+
+MOVED_PARTS_LOCK = Lock()
+"""Held to add to the moved parts of a leaf, so that two threads of it do not lose a part of each other."""
 
 
 class HaltableNode(Node):
@@ -71,12 +76,14 @@ class HaltableNode(Node):
 
     def on_motion(self, part: str) -> None:
         """Note that a command has moved ``part``; stop it, and raise DeviceFault, if the leaf was halted meanwhile."""
+        # Noted before the check: a halt in another thread stops the part, or the check sees the halt.
+        if part not in self.moved_parts:
+            with MOVED_PARTS_LOCK:
+                self.moved_parts |= {part}
+        self._moved_late |= self._leaf_stage not in (STARTING, WORKING)
         if not self.may_move:
             self.run.safe_stop(frozenset({part}))
             self.permit_motion()
-        self._moved_late |= self._leaf_stage not in (STARTING, WORKING)
-        if part not in self.moved_parts:
-            self.moved_parts |= {part}
 
     @property
     def label(self) -> str:

@@ -501,6 +501,26 @@ def test_motion_that_begins_while_its_leaf_is_halted_is_stopped(bench: LeafTestB
     assert bench.arm.commands[-1] == HOLD
 
 
+def test_motion_is_stopped_by_a_halt_between_its_check_and_its_end(bench: LeafTestBench) -> None:
+    checks = []
+
+    class HaltedGoer(Goer):
+        @property
+        def may_move(self) -> bool:
+            permitted = super().may_move
+            checks.append(permitted)
+            if len(checks) == 2:  # after the command, the first check is before it
+                bench.halt(self)  # as the thread of the ticks may do meanwhile
+            return permitted
+
+    leaf = HaltedGoer("goer")
+    put(bench, leaf)
+    bench.tick(leaf)
+    leaf.robot.arm.move({"elbow": 1.0})
+    assert checks == [True, True]
+    assert bench.arm.commands == [{"elbow": 1.0}, HOLD]
+
+
 def test_cleanup_of_a_mission_on_a_robot_of_the_caller_moves_nothing(tmp_path: Path, bench: LeafTestBench) -> None:
     write_files(tmp_path)
     path = tmp_path / "m.yaml"
