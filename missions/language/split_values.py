@@ -21,12 +21,12 @@ The second text is empty for the end of the value.
 """
 
 
-def has_open_bracket(text: str, part: str) -> bool:  # noqa: ARG001
+def _has_open_bracket(text: str, _part: str) -> bool:
     """Return whether ``text`` has an opening bracket without the closing one."""
     return text.count("(") > text.count(")")
 
 
-def join_split_values(node: Node, report: Report, is_split: IsSplit = has_open_bracket) -> Node:
+def join_split_values(node: Node, report: Report, is_split: IsSplit = _has_open_bracket) -> Node:
     """Return ``node`` with the parts of each split value joined, so that the nodes around it can be read."""
     if isinstance(node, Mapping):
         entries: list[tuple[Scalar, Node]] = []

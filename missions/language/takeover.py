@@ -13,6 +13,7 @@ does not fail.
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping
 
+from behaviours.leaf import Leaf
 from config.diagnostics import Diagnostic
 from drivers.api.fast_dataclass import dataclass
 from missions.language.nodes import (
@@ -131,9 +132,8 @@ class TakeoverAnalysis:
         """
         if step.leaf is not None:
             if step.leaf.acts and not step.leaf.drives:
-                yield ActingLeaf(
-                    key, step, condition, takes_over=declining.isdisjoint(self._leaf_results(step) | {RUNNING})
-                )  # while it waits
+                results = _results_of_leaf(step, step.leaf) | {RUNNING}  # it runs while it waits for the halt
+                yield ActingLeaf(key, step, condition, takes_over=declining.isdisjoint(results))
             return
         conditions = self._next_conditions(step, declining)
         for place, child in enumerate(step.children):
@@ -166,7 +166,7 @@ class TakeoverAnalysis:
 
     def _compute_results(self, step: Step) -> Results:
         if step.leaf is not None:
-            return self._leaf_results(step)
+            return _results_of_leaf(step, step.leaf)
         below = [self.results(child) for child in step.children]
         if step.kind in MODIFIERS:
             early = frozenset() if step.kind in TIME_LIMITS or step.kind == "on_running" else early_ends(step)
@@ -182,14 +182,6 @@ class TakeoverAnalysis:
         if kind.order == "in order":
             return self._in_order(step, kind)[0]
         return frozenset({RUNNING}).union(*below)
-
-    def _leaf_results(self, step: Step) -> Results:
-        leaf = step.leaf
-        if leaf is None or step.kind in FIXED_RESULTS:
-            return frozenset({FIXED_RESULTS[step.kind]})
-        if leaf.drives or (leaf.acts and not ends_at_once(step)):
-            return frozenset({STARTED})
-        return frozenset({SUCCESS}) if leaf.acts else leaf.ends | {RUNNING}
 
     def _results_after(self, step: Step, place: int, result: str) -> Results:
         """Return the possible results of a step in a tick in which child ``place`` has ``result``."""
@@ -231,6 +223,15 @@ class TakeoverAnalysis:
 def _followed_by(result: str, others: Results) -> Results:
     """Return the possible results of children of which the first has ``result``; ``others`` are those of the rest."""
     return (others - {SKIPPED}) | {result} if SKIPPED in others else others
+
+
+def _results_of_leaf(step: Step, leaf: type[Leaf]) -> Results:
+    """Return the possible results of the leaf of a step in the tick in which it starts."""
+    if step.kind in FIXED_RESULTS:
+        return frozenset({FIXED_RESULTS[step.kind]})
+    if leaf.drives or (leaf.acts and not ends_at_once(step)):
+        return frozenset({STARTED})
+    return frozenset({SUCCESS}) if leaf.acts else leaf.ends | {RUNNING}
 
 
 def _results_of_modifier(step: Step, place: int, result: str) -> Results:
