@@ -314,15 +314,17 @@ class Executive:
     def step(self) -> None:
         """Tick once while paused; no effect while held. A hold or a resume drops the steps that are not made yet."""
         with self._mode_lock:
-            self._steps += self._mode is RunMode.PAUSED
+            if self._mode is RunMode.PAUSED:
+                self._steps += 1
         self._woken.set()
 
     def _take_step(self) -> bool:
-        """Return True if a step is due, and count it as made."""
+        """Return True if a step is pending, and count it as made."""
         with self._mode_lock:
-            due = self._steps > 0
-            self._steps -= due
-        return due
+            if self._steps == 0:
+                return False
+            self._steps -= 1
+            return True
 
     def resume(self) -> None:
         """Continue after ``pause``; no effect while held."""
