@@ -349,7 +349,10 @@ class TaskQueue:
         return self.task(task.id)
 
     def _settle(self, task: Task, state: State, reason: str, now: float) -> None:
-        """Set the state of a task; if it is final, add the next repetition, unless the task was cancelled."""
+        """Set the state of a task; if it is final, add the next repetition, unless ``cancel`` has ended the task.
+
+        A task whose run was stopped by a person is repeated.
+        """
         was_ended = state in ("done", "failed", "given_up") or (state == "cancelled" and task.state == "running")
         if task.every and was_ended and not task.cancelling:
             try:

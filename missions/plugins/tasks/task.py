@@ -9,7 +9,7 @@ State = Literal["waiting", "running", "done", "failed", "cancelled", "given_up"]
 """State of a task; the states from ``done`` on are final."""
 
 How = Literal["success", "failure", "error", "interrupted", "cancelled"]
-"""End of an attempt; an error is a missing device or an invalid file; a person has ended a cancelled one."""
+"""End of an attempt: ``error`` for a missing device or an invalid file, ``cancelled`` if a person has ended it."""
 
 Interrupted = Literal["retry", "give-up"]
 """Policy for an interrupted task, whose progress is unknown."""
