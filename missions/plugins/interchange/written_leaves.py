@@ -78,9 +78,9 @@ def _parse(source: SourceText) -> ast.Module:
     try:
         return ast.parse(source.text)
     except (SyntaxError, ValueError) as error:
-        line = getattr(error, "lineno", None) or 1
+        line, reason = getattr(error, "lineno", None) or 1, getattr(error, "msg", error)
         hint = "correct it, or choose another folder: an import keeps the leaves in it"
-        raise InvalidFileError([Diagnostic(source, Mark(line), f"not valid Python: {error}", hint)]) from error
+        raise InvalidFileError([Diagnostic(source, Mark(line), f"not valid Python: {reason}", hint)]) from error
 
 
 def _texts(cls: ast.ClassDef, attribute: str) -> Iterator[str]:
