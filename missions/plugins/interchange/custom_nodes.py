@@ -181,7 +181,7 @@ def output_ports(leaf: type[Leaf]) -> list[str]:
 
 def _custom_id(writer: TreeWriter, name: str, word: str, wish: str = "") -> str:
     """Return the ID of the custom node for the step ``word``: ``wish`` or ``name``, unless another node has it."""
-    camel = camel_case(name)
+    camel = re.sub(r"\W", "", camel_case(name), flags=re.ASCII)
     wishes = (wish, camel, f"Mission{camel}", *(f"Mission{camel}{number}" for number in range(2, 10_000)))
     taken = {*KINDS, *OLD_NAMES, *writer.found.trees}
     taken |= {id_ for id_, model in writer.models.items() if not model.children[-1].text.startswith(_beginning(word))}

@@ -32,7 +32,7 @@ INCLUDES = ("include", "import")
 """Tags of elements that include another XML file, in lower case."""
 
 MODEL_TAGS = ("TreeNodesModel", "TreeNodeModel")
-STEP_WORD = re.compile(rf"{STEP_DESCRIPTION}'([a-z]\w{{0,79}})': ", re.ASCII)
+STEP_WORD = re.compile(rf"{STEP_DESCRIPTION}'([^\W\d_A-Z]\w{{0,79}})': ")
 """Beginning of the description of a custom node that `mission show` has exported, with the word of the step."""
 
 OUTPUT_NAMES = ("output", "out")

@@ -67,6 +67,16 @@ def test_a_parent_that_became_a_leaf_is_reported(tmp_path: Path) -> None:
     assert any("the Decorator 'Careful' there is an action here" in line for line in exported.lines())
 
 
+def test_leaves_of_other_scripts_get_ids_of_ascii_letters(tmp_path: Path) -> None:
+    exported = imported_and_exported(tmp_path, '<Sequence><Action ID="Größe"/><Action ID="抓取"/></Sequence>')
+    sequence = main_tree(exported).children[0]
+    assert [each.tag for each in sequence.children] == ["Gre", "Mission"]
+    text = (tmp_path / "patrol.yaml").read_text(encoding="utf-8")
+    (tmp_path / "patrol.xml").write_text(exported.text, encoding="utf-8")
+    write_import(tmp_path / "patrol.xml", tmp_path, {})
+    assert (tmp_path / "patrol.yaml").read_text(encoding="utf-8") == text
+
+
 def test_a_node_model_that_is_not_xml_is_reported(tmp_path: Path) -> None:
     imported_and_exported(tmp_path, '<Hold force="5"/>')
     path = tmp_path / "behaviours" / "patrol.py"
