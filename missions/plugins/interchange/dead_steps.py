@@ -96,8 +96,19 @@ class DeadStepRemover:
         if not composite.passes:
             return frozenset().union(*below) - {SKIPPED}
         if step.keys.keys() & {"success_count", "failure_count", "wait_for_all"}:
+            self._drop_unreachable_count(step, sum(SUCCESS in each for each in below))
             return BOTH_ENDS
         return _all_or_one(below, composite.passes)
+
+    def _drop_unreachable_count(self, step: MissionStep, successes: int) -> None:
+        """Remove a ``success_count`` that a parallel cannot reach, where its first failure ends it all the same.
+
+        ``successes`` is the number of children that can succeed.
+        """
+        needed = step.keys.get("success_count")
+        if isinstance(needed, int) and needed > successes and not step.keys.keys() & {"failure_count", "wait_for_all"}:
+            del step.keys["success_count"]
+            self._note(step, f"'success_count: {needed}' has no effect here, since only {successes} children succeed")
 
     def _clean_in_order(self, step: MissionStep, passes: str) -> Ends:
         """Remove the children of a sequence or selector that stand behind a child which always ends it.

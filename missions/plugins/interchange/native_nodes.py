@@ -139,16 +139,16 @@ def _parallel(writer: TreeWriter, step: Step) -> Element:
         raise NotAScriptError("a calculated count")
     if settings and any(map(can_be_skipped, step.children)):
         raise NotAScriptError("a skipped node in a 'parallel' with counts")
-    written = {name: "-1" if value == "all" else str(value) for name, value in settings.items()}
-    if written.pop("wait_for_all", ""):
+    if settings.pop("wait_for_all", False):
         count = len(step.children)
         needed, failures = settings.get("success_count", count), settings.get("failure_count", 1)
         needed = needed if isinstance(needed, int) else count
         most = min(failures if isinstance(failures, int) else count, count - needed + 1)
         attributes = {"max_failures": str(most), MARK: "parallel"}
-        if written:
-            attributes[COUNTS] = ", ".join(f"{key}: {value}" for key, value in written.items())
+        if settings:
+            attributes[COUNTS] = ", ".join(f"{key}: {value}" for key, value in settings.items())
         return writer.new("ParallelAll", step, attributes, writer.children(step), is_named=True)
+    written = {name: "-1" if value == "all" else str(value) for name, value in settings.items()}
     attributes = {**written, **({MARK: "parallel"} if written else {})}
     return writer.new("Parallel", step, attributes, writer.children(step), is_named=True)
 

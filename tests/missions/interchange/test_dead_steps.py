@@ -35,3 +35,10 @@ def test_each_child_of_a_round_robin_is_reached(tmp_path: Path) -> None:
     imported = import_text(tmp_path, tree_text(body))
     assert tree_lines(imported) == ["selector:", "  - wait: 5 s", "  - turn: 1 rad", "in_turn: true"]
     assert not remarks(imported, LOST)
+
+
+def test_success_count_that_too_few_children_reach_is_left_out(tmp_path: Path) -> None:
+    dead = "<ForceFailure><Grasp/></ForceFailure>"
+    imported = import_text(tmp_path, tree_text(f'<Parallel success_count="2">{dead}{dead}<Grasp/></Parallel>'))
+    assert not any("success_count" in line for line in tree_lines(imported))
+    assert len(remarks(imported, LOST)) == 1

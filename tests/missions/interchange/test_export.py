@@ -64,6 +64,10 @@ def tags(element: Element) -> object:
             ("Switch2", "AlwaysSuccess", "AlwaysFailure", "AlwaysFailure"),
         ),
         ("{parallel: [succeed, fail], wait_for_all: true}", ("ParallelAll", "AlwaysSuccess", "AlwaysFailure")),
+        (
+            "{parallel: [face_seen, dark], success_count: all, wait_for_all: true}",
+            ("ParallelAll", "FaceSeen", "Dark"),
+        ),
     ],
 )
 def test_a_step_becomes_the_equal_nodes(tmp_path: Path, tree: str, expected: object) -> None:
