@@ -65,8 +65,8 @@ def tags(element: Element) -> object:
         ),
         ("{parallel: [succeed, fail], wait_for_all: true}", ("ParallelAll", "AlwaysSuccess", "AlwaysFailure")),
         (
-            "{parallel: [face_seen, dark], success_count: all, wait_for_all: true}",
-            ("ParallelAll", "FaceSeen", "Dark"),
+            "{parallel: [succeed, {wait: 1 s}], success_count: all, wait_for_all: true}",
+            ("ParallelAll", "AlwaysSuccess", "Sleep"),
         ),
     ],
 )
