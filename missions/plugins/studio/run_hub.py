@@ -132,6 +132,9 @@ class RunHub:
                 why = "it does not answer" if isinstance(error, TimeoutError) else str(error)
                 is_gone = is_gone and isinstance(error, GONE_ERRORS)
             else:
+                if any(link.run_identity == each.run_identity for each in self._links.values()):
+                    await link.close()  # while its note is not written, a search finds a run by each of its sockets
+                    return "", now
                 link.on_line = partial(self._on_line, link)
                 run = unique_name(found.run, self._links)
                 self._links[run] = link

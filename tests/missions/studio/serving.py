@@ -3,8 +3,9 @@
 import json
 import os
 import re
+import socket
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from http.client import HTTPConnection, HTTPSConnection
 from pathlib import Path
 from ssl import SSLContext
@@ -15,13 +16,17 @@ from websockets.sync.client import ClientConnection, connect
 from missions.control.messages import PROTOCOL_VERSION
 from missions.control.run_search import search_runs
 from tests.missions.command import Process
+from tests.missions.studio.proxy import plain_port
 
 PATIENCE = 60.0
 """Seconds for an answer: machines are shared."""
 
 
 class Served:
-    """A studio that is served on this computer, with its tokens. It speaks TLS if ``trusting`` says whom to trust."""
+    """A studio that is served on this computer, with its tokens. It speaks TLS if ``trusting`` says whom to trust.
+
+    ``websocket_port`` always speaks plain text.
+    """
 
     def __init__(self, process: Process, trusting: SSLContext | None = None) -> None:
         self.process, self.trusting = process, trusting
@@ -31,7 +36,7 @@ class Served:
         self.operator = process.lines[0].rpartition("token=")[2]
         found = re.search(r":(\d+)/", line)
         assert found is not None
-        self.port = int(found[1])
+        self.port = self.websocket_port = int(found[1])
 
     @property
     def host(self) -> str:
@@ -65,15 +70,19 @@ class Served:
         cookie, where = self.sign_in(token)
         return cookie, f"ws://{self.host}/ws?{where.partition('?')[2]}"
 
+    def open_websocket(self, path: str, *, port: int = 0, **options: Any) -> ClientConnection:
+        """Return a websocket, opened by another ``port`` where that is not 0. Raises InvalidStatus if it is refused."""
+        way = socket.create_connection(("127.0.0.1", port or self.websocket_port), timeout=PATIENCE)
+        found: ClientConnection = connect(f"ws://{self.host}{path}", sock=way, **options)
+        return found
+
     @contextmanager
     def client(self, token: str, *, hello: bool = True, port: int = 0) -> Iterator["Client"]:
         """Give a client, which comes by another ``port`` where that is not 0."""
         headers = {"Authorization": f"Bearer {token}"}
-        address = f"{'ws' if self.trusting is None else 'wss'}://127.0.0.1:{port or self.port}/ws"
-        with connect(
-            address, additional_headers=headers, max_size=None, compression=None, close_timeout=0.5, ssl=self.trusting
-        ) as socket:
-            client = Client(socket)
+        options = {"additional_headers": headers, "max_size": None, "compression": None, "close_timeout": 0.5}
+        with self.open_websocket("/ws", port=port, **options) as connection:
+            client = Client(connection)
             if hello:
                 client.send(do="hello", version=str(PROTOCOL_VERSION))
                 client.welcome = client.hear(lambda told: told["say"] == "welcome")
@@ -139,7 +148,11 @@ def studio(*more: str, trusting: SSLContext | None = None) -> Iterator[Served]:
         {each.key for each in search_runs().processes},
     )
     try:
-        yield Served(process, trusting)
+        found = Served(process, trusting)
+        with ExitStack() as ends:
+            if trusting is not None:
+                found.websocket_port = ends.enter_context(plain_port(found.port, trusting))
+            yield found
     finally:
         process.process.terminate()
         process.end()

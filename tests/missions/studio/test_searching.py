@@ -351,6 +351,25 @@ def test_uncertain_stop_of_one_of_two_namesakes_is_kept(linked: bool) -> None:
     assert sorted("perhaps not stopped: base" in str(each.get("trouble", "")) for each in told) == [False, True]
 
 
+def test_run_with_two_sockets_is_listed_once() -> None:
+    """A search finds a run by each of its sockets while its note is not written."""
+
+    async def look() -> list[Mapping[str, object]]:
+        one = RunHub(lambda: None)
+        for _ in range(2):
+            await one.search()
+        found = one.runs()
+        await asyncio.gather(*(link.close() for link in one._links.values()))
+        return found
+
+    first, second = (place.prepare() for place in run_folders.run_folders()[:2])
+    with Answering(lambda _: {"result": {"stops": 1}}, first) as run:
+        (second / "1.sock").hardlink_to(run.path)
+        runs = asyncio.run(look())
+        (second / "1.sock").unlink()
+    assert [each["run"] for each in runs] == ["1"]
+
+
 def test_unreachable_namesakes_are_both_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(run_hub, "may_be_alive", lambda _: True)
     for place in run_folders.run_folders()[:2]:

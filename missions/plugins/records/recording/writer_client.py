@@ -86,6 +86,9 @@ POLL_INTERVAL = 0.1
 PIPE_BYTES = 1 << 20
 """Requested capacity in bytes of the pipe to the writer process: more than a picture."""
 
+EXIT_TIMEOUT = 1.0
+"""Seconds for which to wait for the exit code of a writer process that has closed its pipes."""
+
 _READ_BYTES = 1 << 16
 
 
@@ -237,7 +240,10 @@ class RecordWriterClient:
         self.state = TRANSITIONS.get((self.state, event), self.state)
 
     def _exit_description(self) -> str:
-        code = None if self._process is None else self._process.poll()
+        code = None
+        if self._process is not None:
+            with suppress(subprocess.TimeoutExpired):  # the kernel closes the pipes before the process has ended
+                code = self._process.wait(EXIT_TIMEOUT)
         killed = f", killed by signal {-code}" if code is not None and code < 0 else ""
         return f"{killed}: {self._last_output}" if self._last_output else killed
 

@@ -339,6 +339,19 @@ def test_killed_writer_is_reported_and_the_run_continues(tmp_path: Path) -> None
     assert times_of(path)[0] == 0.01
 
 
+def test_signal_of_a_writer_that_is_still_ending_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with recording(tmp_path / "a.mcap") as (recorder, told):
+        monkeypatch.setattr(subprocess.Popen, "poll", lambda _: None)
+        os.kill(writer_of(recorder), signal.SIGKILL)
+
+        def go_on() -> bool:
+            recorder.on_tick(moment(1, 0.01))
+            return bool(told)
+
+        wait_until(go_on, pause=0.005)
+    assert "killed by signal 9: recording stopped" in told[0].message
+
+
 def test_killed_writer_does_not_block_a_simulated_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("missions.plugins.records.recording.recorder.MAX_QUEUED_ITEMS", 500)
     with recording(tmp_path / "a.mcap", patient=True) as (recorder, told):
