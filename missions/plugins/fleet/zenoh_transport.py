@@ -105,15 +105,18 @@ class Roster:
         with self._lock:
             known = self._members.get(address)
             before = None if known is None else known.state
-            if known is None or (known.connection != "ONLINE" and not state.farewell):
-                # Its token is delayed or about to return: a state proves that it is there.
-                self._put(RosterEntry(address, "ONLINE", self._clock.now(), state))
-            elif before is None or before.session != state.session or before.number < state.number:
-                if before is not None and before.session != state.session:
-                    if self._former_sessions.get(address) == state.session:  # the earlier session
-                        self._duplicate_until[address] = self._clock.now() + DUPLICATE_MEMORY
-                    self._former_sessions[address] = before.session
-                self._put(RosterEntry(address, known.connection, known.since, state))
+            if before is not None and before.session == state.session and before.number >= state.number:
+                return  # delayed: a newer state has arrived
+            if known is None or known.connection != "ONLINE":
+                # Its token is delayed or about to return, or its farewell is delayed.
+                connection: Connection = "OFFLINE" if state.farewell else "ONLINE"
+                self._put(RosterEntry(address, connection, self._clock.now(), state))
+                return
+            if before is not None and before.session != state.session:
+                if self._former_sessions.get(address) == state.session:  # the earlier session
+                    self._duplicate_until[address] = self._clock.now() + DUPLICATE_MEMORY
+                self._former_sessions[address] = before.session
+            self._put(RosterEntry(address, known.connection, known.since, state))
 
     def on_peer_report(self, address: Address, connection: Connection) -> None:
         """Add a robot that another robot has seen; a connection that this roster has observed itself is kept."""

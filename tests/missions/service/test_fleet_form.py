@@ -107,6 +107,23 @@ def test_connection_is_online_offline_or_broken() -> None:
     assert connection() == "OFFLINE"
 
 
+def test_delayed_states_of_a_robot_that_left_are_handled() -> None:
+    """Zenoh keeps the order of one priority: a state may arrive after the end of the token that followed it."""
+    roster, address = Roster(ManualClock()), Address("anna", "0123abcd")
+    token = zenoh_key("home", "here", str(address))
+    roster.on_token(token, alive=True)
+    roster.on_state(WHERE, encode_message(STATE))
+    roster.on_token(token, alive=False)
+    roster.on_state(WHERE, encode_message(replace(STATE, number=STATE.number - 1)))
+    assert roster.members()[address].connection == "CONNECTIONBROKEN"
+    roster.on_state(WHERE, encode_message(replace(STATE, number=STATE.number + 1, farewell=True)))
+    assert roster.members()[address].connection == "OFFLINE"
+    roster.on_state(WHERE, encode_message(STATE))
+    assert roster.members()[address].connection == "OFFLINE"
+    roster.on_state(WHERE, encode_message(replace(STATE, number=STATE.number + 2)))
+    assert roster.members()[address].connection == "ONLINE"
+
+
 def test_late_states_are_dropped_and_a_new_session_restarts_numbers() -> None:
     roster = Roster(ManualClock())
     for state in (
