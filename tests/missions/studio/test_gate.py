@@ -394,6 +394,8 @@ def test_forged_proxy_headers_grant_no_access(served: Served) -> None:
     assert served.get("/", Host="other.example", **{"X-Forwarded-Host": served.host})[0] == 403
 
 
+# The TLS client drops its socket once it has said that it is closed, and Python calls that unclosed.
+@pytest.mark.filterwarnings("ignore::ResourceWarning", "ignore::pytest.PytestUnraisableExceptionWarning")
 def test_studio_with_certificate_uses_tls_and_a_secure_cookie(certificate: tuple[Path, Path]) -> None:
     trusting = ssl.create_default_context(cafile=certificate[0])
     with studio("--certificate", str(certificate[0]), "--key", str(certificate[1]), trusting=trusting) as served:
