@@ -321,6 +321,10 @@ def find_mismatches(
             wrong = _mismatch_before_unit(kind, after, where.wanted_kind)
         if wrong is not None:
             note(part, part.tree, *wrong)
+    if len(parts) > 1 and not faults and isinstance(where.wanted_kind, ListKind | RecordKind):
+        first = next(part for part in parts if isinstance(part, Expression))
+        hint = "write one expression, such as ${[a, b]}" if isinstance(where.wanted_kind, ListKind) else ""
+        note(first, first.tree, f" {_misfit(TEXT, where.wanted_kind)}", hint)
     return faults
 
 

@@ -150,6 +150,7 @@ def test_submission_takes_a_list_of_mappings(tmp_path: Path) -> None:
         ('"${[1 m]}"', "'ways' has a wrong member: it needs a mapping with x, y, got a length"),
         ('"${stops + found}"', "'ways' has a wrong member: it has no 'x'"),
         ('"${points[0].x}"', "'ways' needs a list, got a length"),
+        ('"[${points[0].x}]"', "'ways' needs a list, got a text"),
         ("[{x: 1 m}]", "'ways' has a wrong member 1: it has no 'y'"),
     ):
         with pytest.raises(InvalidFileError) as caught:
