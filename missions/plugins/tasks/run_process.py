@@ -18,6 +18,7 @@ from typing import IO, Any, Self
 
 from config.library import UnknownNameError
 from drivers.clock import Clock, SystemClock
+from missions.executive.signals import STOP_SIGNALS
 from missions.library.shipped import find_mission
 from missions.plugins.tasks.task import AttemptOutcome, Claim, How, Task
 
@@ -72,6 +73,9 @@ STOP_CHECK_INTERVAL = 0.2
 STOP_TIMEOUT = 10.0
 """Seconds for a run to stop safely after SIGTERM before it is killed; the devices of its robot then stop by themselves.
 """
+
+END_SIGNALS = frozenset({signal.SIGKILL, *STOP_SIGNALS})
+"""Signals by which a person ends a run; its lifeline sends SIGKILL to one that did not react to an earlier signal."""
 
 RUN_COMMAND = (sys.executable, "-m", "missions", "run")
 
@@ -207,12 +211,14 @@ class _RunOutput:
         """Return the outcome of a run, given its exit code, and its ``end`` by the server.
 
         A run that was ended, but not by the server, is cancelled: a person has stopped the robot. Without a result in
-        its output, a run that was killed counts as interrupted, and any other run as an error.
+        its output, a run that has crashed or was killed by the server counts as interrupted, and any other as an error.
         """
         if self._result is not None:
             how: How = self._result["result"]
             how = "cancelled" if how == "interrupted" and not end.begun else how
             return AttemptOutcome(how, _replace_surrogates(self._result.get("reason", "")))
+        if -code in END_SIGNALS and not end.begun:
+            return AttemptOutcome("cancelled", f"the run was ended by signal {-code}")
         if end.killed or code < 0:
             return AttemptOutcome("interrupted", end.killed or f"the run died: signal {-code}")
         return AttemptOutcome("error", self._last or f"the run ended with exit code {code} and no output")

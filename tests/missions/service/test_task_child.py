@@ -91,8 +91,16 @@ def test_large_output_is_received_completely() -> None:
     assert ran.outcome.how == "success"
 
 
-def test_killed_run_without_a_result_is_interrupted() -> None:
-    assert Attended("os.kill(os.getpid(), 9)").outcome == AttemptOutcome("interrupted", "the run died: signal 9")
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGHUP])
+def test_killed_run_without_a_result_is_cancelled(number: signal.Signals) -> None:
+    """A person has killed it, or its lifeline has, after a person's signal: its robot must stay at rest."""
+    reason = f"the run was ended by signal {int(number)}"
+    assert Attended(f"os.kill(os.getpid(), {int(number)})").outcome == AttemptOutcome("cancelled", reason)
+
+
+def test_run_that_dies_of_another_signal_is_interrupted() -> None:
+    script = f"os.kill(os.getpid(), {int(signal.SIGUSR1)})"
+    assert Attended(script).outcome == AttemptOutcome("interrupted", "the run died: signal 10")
 
 
 def test_run_without_a_result_gives_the_reason() -> None:
