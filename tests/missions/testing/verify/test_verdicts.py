@@ -497,12 +497,6 @@ def test_child_of_the_weight_zero_need_not_be_reached(weights: str) -> None:
     assert outcomes(report)["each of its 2 nodes can be reached"] == PROVED
 
 
-def test_weights_in_several_expressions_may_each_be_above_zero() -> None:
-    tree = "random_selector: [{look: 0 deg}, {say: Hi}]\nweights: '[${n}, ${n + 1}]'"
-    report = verify(plan_of(tree, params="{n: {type: number}}"), ManualClock())
-    assert outcomes(report)["each of its 3 nodes can be reached"] == PROVED
-
-
 @pytest.mark.parametrize(("weights", "shown"), [("[n, n + 1]", "look"), ("[n, 1]", "look, say"), ("[1, 0]", "")])
 def test_trace_names_the_children_with_a_weight(weights: str, shown: str) -> None:
     tree = f"random_selector: [{{look: 0 deg}}, {{say: Hi}}]\nweights: '${{{weights}}}'"
