@@ -285,5 +285,5 @@ def free(case: Case) -> int:
 
 
 def by_joint(command: str) -> bool:
-    """Whether a command means servos as joints of the robot file."""
-    return command.split(maxsplit=1)[0] in ("calibrate", "torque", "home")
+    """Whether a command means servos as joints of the robot file; `torque restart` asks the servo for its model."""
+    return command.split(maxsplit=1)[0] in ("calibrate", "torque", "home") and not command.startswith("torque restart")
