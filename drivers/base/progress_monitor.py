@@ -122,6 +122,13 @@ def _minus(one: Velocity, other: Velocity) -> Velocity:
 WINDOW_TIME, SLOW_WINDOW_TIME = 1.0, 3.0
 """Lengths of the windows of comparison in seconds. The longer one shows slow motion and small differences."""
 
+CREEP_WINDOW_TIME = 6.0
+"""Length in seconds of the window that compares only distances.
+
+With one of two encoders lost, half of the distance is measured. At speeds below 0.07 m/s, ``TOLERANCE`` hides that in
+the shorter windows. Turns are not compared, since the drift of a gyro grows with the time.
+"""
+
 REACTION_TIME = 0.5
 """Seconds from a command to its effect in the odometry, in addition to the interval of the reports."""
 
@@ -191,6 +198,7 @@ class ProgressMonitor:
     def __init__(self, instruments: Instruments | None = None) -> None:
         self._instruments = instruments or Instruments()
         self._windows = (MotionWindow(WINDOW_TIME, 0.04), MotionWindow(SLOW_WINDOW_TIME, 0.2))
+        self._creep_window = MotionWindow(CREEP_WINDOW_TIME, 0.4)
         self._interval = 0.0
         self.witnesses: list[Witness] = []
         self.restart()
@@ -204,7 +212,7 @@ class ProgressMonitor:
         self._pose: Pose2D | None = None
         self._reported_at = 0.0
         self._overloaded_since: float | None = None
-        for window in self._windows:
+        for window in (*self._windows, self._creep_window):
             window.restart()
         for witness in self.witnesses:
             witness.restart()
@@ -257,7 +265,7 @@ class ProgressMonitor:
         self._state, self._pose = state, None if state is None else state.pose
         self._updated_at = self._reported_at = now
         self._sums = MotionSums(now)
-        for window in self._windows:
+        for window in (*self._windows, self._creep_window):
             window.restart()
         for witness in self.witnesses:
             witness.restart()
@@ -303,14 +311,13 @@ class ProgressMonitor:
         """Return a fault if commanded and measured motion differ within a window; else None."""
         for window in self._windows:
             motion = window.add(self._sums)
-            way = max(abs(motion.low.linear), abs(motion.high.linear))
-            turn = max(abs(motion.low.angular), abs(motion.high.angular))
-            fault = self._drives(motion, sent, state, turn) or self._turns(motion, sent, state, way)
+            fault = self._drives(motion, sent, state) or self._turns(motion, sent, state)
             if fault is not None:
                 return fault
-        return None
+        return self._drives(self._creep_window.add(self._sums), sent, state)
 
-    def _drives(self, motion: MotionSums, sent: Velocity, state: BaseState, turn: float) -> MotionFault | None:
+    def _drives(self, motion: MotionSums, sent: Velocity, state: BaseState) -> MotionFault | None:
+        turn = max(abs(motion.low.angular), abs(motion.high.angular))
         low, high, measured = motion.low.linear, motion.high.linear, motion.moved.linear
         more = WAY_PER_TURN * turn
         off = deviation(low, high, measured, TOLERANCE.linear + more, OPPOSITE.linear + more)
@@ -325,7 +332,8 @@ class ProgressMonitor:
             cause, hint = cause + describe_causes(state), hint_of(state) or hint
         return MotionFault(f"{told} for {motion.at:.1f} s, {found}: {cause}", hint)
 
-    def _turns(self, motion: MotionSums, sent: Velocity, state: BaseState, way: float) -> MotionFault | None:
+    def _turns(self, motion: MotionSums, sent: Velocity, state: BaseState) -> MotionFault | None:
+        way = max(abs(motion.low.linear), abs(motion.high.linear))
         low, high, measured = motion.low.angular, motion.high.angular, motion.moved.angular
         more = TURN_PER_WAY * way
         off = deviation(low, high, measured, TOLERANCE.angular + more, OPPOSITE.angular + more)

@@ -33,6 +33,14 @@ def test_the_campaign_draws_every_base_and_every_fault() -> None:
     assert {case.base for case in cases} == set(BASES)
 
 
+@pytest.mark.parametrize("motion", ["drive", "go_to"])
+def test_slow_base_with_one_encoder_is_stopped(motion: str) -> None:
+    ending = play(MotionCase(1, "kobuki, wire", motion, 1.3, 0.0, 0.045, fault="one encoder lost"))
+    assert ending.status is FAILURE
+    assert ending.seconds < 7.0
+    assert ending.reason.startswith("commanded ")
+
+
 @pytest.mark.parametrize("drift", [0.6, -3.0, 5.0])
 @pytest.mark.parametrize("base", ["kobuki, twin", "kobuki, wire", "ros2, wire"])
 def test_a_turn_ends_though_the_gyro_drifts(base: str, drift: float) -> None:
