@@ -97,8 +97,12 @@ class ResetDetector:
         self.state = DetectorState.TRACKING
         self.unanswered_probes = 0
         self.session_until: float | None = None  # None: the board never had a session with us
+        # The port was lost while a probe was pending, so its answer is lost. If the board was reset before that probe,
+        # the probe opened a new session, and only its answer showed the reset.
+        self.is_answer_lost = False
         if previous is not None:
             self.unanswered_probes, self.session_until = previous.unanswered_probes, previous.session_until
+            self.is_answer_lost = previous.probe_pending or previous.is_answer_lost
             if previous.had_timeout:
                 self.state = DetectorState.SILENT
         self.idle_period = 0.0  # longest intended time between two polls, in seconds
@@ -191,7 +195,8 @@ class ResetDetector:
         """Return whether the board must be probed: in a session it would not have requested the time so early."""
         self._time_requests += 1
         if self._backlog:
-            self._queued_time_requests += 1
+            # With a probe pending they belong to its answer: before a probe is sent, all earlier data are read.
+            self._queued_time_requests += not self.probe_pending
             return False
         is_early, self._time_requested_at = now - self._time_requested_at < MIN_TIME_REQUEST_INTERVAL, now
         if self.probe_pending or self._is_answer_late:  # each answer begins with a time request
@@ -215,7 +220,7 @@ class ResetDetector:
         probed_at = self._probe_sent_at if self.probe_pending or is_late else now
         # After a timeout it is unclear which probe is answered. An earlier one may have opened a new session, so an
         # intact session no longer excludes a reset.
-        is_ambiguous = self.had_timeout and not is_late
+        is_ambiguous, is_answer_lost = self.had_timeout and not is_late, self.is_answer_lost
         is_session_intact = self._time_requests < NO_SESSION_TIME_REQUESTS
         # Too few time requests in the backlog of a stall show that the session did not expire during it.
         is_session_expected = self.session_until is not None and (
@@ -224,10 +229,11 @@ class ResetDetector:
         )
         self._advance(DetectorEvent.ANSWER)
         self.unanswered_probes = self._time_requests = self._queued_time_requests = 0
+        self.is_answer_lost = False
         self._proof_at, self._time_requested_at = probed_at, now
         self.session_until, self._had_session = probed_at + SESSION_TIMEOUT, True
         if is_session_intact:
-            return BootState.UNKNOWN if is_ambiguous else BootState.UNCHANGED
+            return BootState.UNKNOWN if is_ambiguous or is_answer_lost else BootState.UNCHANGED
         return BootState.RESET if is_ambiguous or is_session_expected else BootState.UNKNOWN
 
     def _distrust(self) -> None:
@@ -365,7 +371,10 @@ class RosserialSession:
 
     def _request_topics(self, now: float) -> None:
         """Request the topics, unless that was done recently or the board is booting."""
-        if self._booted_at is not None and now >= self._booted_at and now - self._probed_at >= TOPIC_REQUEST_INTERVAL:
+        # After a stall the last probe is old, but its timeout starts over. A probe before that would hide that the last
+        # one was not answered, which shows that the board was booting.
+        is_due = not self.detector.probe_pending and now - self._probed_at >= TOPIC_REQUEST_INTERVAL
+        if is_due and self._booted_at is not None and now >= self._booted_at:
             self._probe(now)
 
     def _probe(self, now: float) -> None:

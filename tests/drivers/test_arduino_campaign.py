@@ -10,9 +10,10 @@ from math import radians
 from random import Random
 
 from drivers.api import DeviceStatus, HeadPose, Health
+from drivers.arduino import wire
 from drivers.arduino.board import ArduinoBoard
 from drivers.arduino.driver import ArduinoHead
-from drivers.arduino.session import MAX_PROOF_AGE, SESSION_TIMEOUT
+from drivers.arduino.session import MAX_PROOF_AGE, NO_SESSION_TIME_REQUESTS, PROBE_TIMEOUT, SESSION_TIMEOUT
 from drivers.arduino.virtual import ENCODER_SKETCH_ANGLES, FIRST_SKETCH_ANGLES, VirtualRodney
 from drivers.clock import ManualClock
 from drivers.errors import DriverError, NotConnected
@@ -26,6 +27,9 @@ SPEED = 120
 
 RAMP = SPEED * (MAX_PROOF_AGE + MAX_CATCH_UP) + 2
 """The widest step in degrees: what the ramp covers between two proofs, in whole degrees."""
+
+TIME_REPLY = wire.RosserialFrame(wire.TIME, bytes(8)).pack()[:7]
+"""First bytes of a reply to a time request."""
 
 KERNEL = 4095
 """Bytes that the kernel keeps for who does not read."""
@@ -52,6 +56,7 @@ class Line(SerialLink):
         super().__init__("head", "/dev/nano", 57600)
         self.device, self.clock, self.random = device, clock, random
         self.plugged = self.keeps_dtr = False
+        self.replied_at = clock.now()  # when the driver last replied to a time request
         self.talker: LinkHandler | None = None
         self._arrived = b""
         self._doze = 0.0
@@ -72,6 +77,8 @@ class Line(SerialLink):
     def write(self, data: bytes) -> None:
         if not self.plugged:
             raise NotConnected("head: /dev/nano: no such device")
+        if data.startswith(TIME_REPLY):
+            self.replied_at = self.clock.now()
         self._keep(self.device.feed(data, self.clock.now()))
 
     def set_dtr(self, *, on: bool) -> None:
@@ -82,6 +89,11 @@ class Line(SerialLink):
 
     def _keep(self, data: bytes) -> None:
         self._arrived = (self._arrived + data)[:KERNEL]
+
+    @property
+    def holds_boot_answer(self) -> bool:
+        """Whether the answer that shows that the board had no session has arrived, but was not read yet."""
+        return NO_SESSION_TIME_REQUESTS * wire.REQUEST_TIME in self._arrived
 
     def opens(self) -> None:
         assert self.talker is not None
@@ -161,7 +173,9 @@ class Trial:
             self.line.passes(begins, served=False)
             self.device.reset(self.clock.now())
             self.told["resets while it stalls"] += 1
-            self.hidden |= begins > SESSION_TIMEOUT - 1.0
+            # By then four time requests may wait unread, as before the end of a session. They count from the last
+            # reply, which may be 2.5 s older than the stall.
+            self.hidden |= self.clock.now() - self.line.replied_at > SESSION_TIMEOUT - 1.0
             seconds -= begins
         self.line.passes(seconds, served=False)
 
@@ -171,15 +185,29 @@ class Trial:
         self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
         self.device.power_on(self.clock.now())
         self.line.passes(self.random.choice((0.0, 0.5)))
-        self.line.opens()
+        self.opens()
 
     def reopens(self) -> None:
         """Only the port is lost, as with a hub that hangs; the board keeps its power."""
         self.told["reconnects"] += 1
+        # Only that answer showed the reset, and the probe has opened a new session. The driver sees the same if the hub
+        # kept back the bytes of a board that was not reset, until it lost the port.
+        self.hidden |= self.line.holds_boot_answer
         self.line.plugged = False
         self.device.close_port(hangs_up=self.random.random() < 0.5 or not self.line.keeps_dtr)
         self.line.passes(self.random.choice((0.1, 0.9, 3.0, 8.0)))
+        self.opens()
+
+    def opens(self) -> None:
+        """Open the port again; a reset is hidden if the board runs and its session would have expired by now."""
+        now = self.clock.now()
         self.line.opens()
+        # A board that boots does not answer the first probe, which shows the boot. A board that has booted answers like
+        # one whose session has expired: in rosserial no message from the board has its uptime, or the time of day.
+        # The driver may count the session from the probe, which is a little earlier than the reply.
+        board = self.device
+        if board._replied_at == 0.0 and board._boots_until is not None and now >= board._boots_until:  # reset, and runs
+            self.hidden |= now - self.line.replied_at > SESSION_TIMEOUT - PROBE_TIMEOUT
 
 
 def test_head_never_leaps_after_resets_stalls_or_reconnects() -> None:
@@ -196,3 +224,25 @@ def test_head_never_leaps_after_resets_stalls_or_reconnects() -> None:
                 leaps.append(f"{kind}, seed {seed}: {trial.device.max_step:.0f} degrees")
     assert leaps == []
     assert min(told.values()) > 30
+
+
+def test_stall_during_boot_does_not_hide_the_boot() -> None:
+    """The first probe is not answered, and the board's session would have expired during the stall."""
+    trial = Trial("first sketch, Nano", 0)
+    trial.device.power_on(trial.clock.now())
+    trial.head.open()
+    trial.line.opens()
+    trial.line.passes(4.0)
+    trial.head.look(HeadPose(radians(60), radians(-60)))
+    trial.line.passes(2.0)
+    trial.line.plugged = False
+    trial.device.close_port(hangs_up=True)
+    trial.line.passes(8.0)
+    trial.line.opens()
+    trial.line.passes(0.01)
+    trial.line.passes(6.0, served=False)
+    trial.line.passes(2.0)
+    trial.head.enable()
+    trial.head.look(HeadPose(radians(-60), radians(-60)))
+    trial.line.passes(2.0)
+    assert trial.device.max_step <= RAMP
