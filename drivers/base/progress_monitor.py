@@ -1,9 +1,11 @@
 """Progress monitor of a base: detects a blocked base by comparing commanded with measured motion.
 
-Distance, turn and their signs are compared over about one second. The tolerance covers delay and ramp of the base,
-odometry that arrives late or seldom, wheel slip of 20 %, slopes and carpet. Dead reckoning computes the pose from the
-commands, so it cannot show a fault. For such a base, range finder and IMU are compared instead
-(``drivers.base.witnesses``); without them only the motion limits are left. The clock is not read: times are arguments.
+Distance, turn and their signs are compared over 1 s and 3 s, and distances over 6 s too. The tolerance covers delay
+and ramp of the base, odometry that arrives late or seldom, wheel slip of 20 %, slopes and carpet.
+
+Dead reckoning computes the pose from the commands, so it cannot show a fault. For such a base, range finder and IMU
+are compared instead (``drivers.base.witnesses``); without them only the motion limits are left. The clock is not read:
+times are arguments.
 """
 
 from collections import deque
